@@ -1,5 +1,6 @@
 """HDF5 files that may come from others: everything that is read is in the file itself and of a plausible size."""
 
+import math
 import mmap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -10,17 +11,25 @@ import h5py
 
 from meeframe.common.files import check_file
 
-MAX_COMPRESSION: Final = 1100
-"""Largest ratio of the size of an array and its compressed size; deflate attains 1032."""
+MAX_COMPRESSION: Final = 32
+"""Largest ratio of the size of a large array and of its stored size; that of measured heights and of meshes is less."""
+MAX_DEFLATE: Final = 1100
+"""The same ratio for fields that are zero nearly everywhere; deflate attains 1032."""
+_DOUBLE: Final = 8
+"""Size [bytes] of the numbers that arrays become."""
 _HEAP: Final = b"GCOL\1\0\0\0"
 """Signature and version of a heap."""
-ALWAYS_ALLOWED: Final = 2**30
-"""Size [bytes] up to which arrays are read however small the file is; parts that were never written take no place."""
+ALWAYS_ALLOWED: Final = 2**27
+"""Size [bytes] as doubles up to which arrays are read however little of them is stored: 4096 x 4096 numbers."""
 
 
 @contextmanager
-def open_hdf5(path: Path, is_result_link: Callable[[str, str], bool] = lambda name, target: False) -> Iterator[Any]:
-    """Open an HDF5 file for reading, if it refers to no other file.
+def open_hdf5(
+    path: Path,
+    is_result_link: Callable[[str, str], bool] = lambda name, target: False,
+    max_compression: int = MAX_COMPRESSION,
+) -> Iterator[Any]:
+    """Open an HDF5 file for reading, if it refers to no other file and declares no more than it stores.
 
     HDF5 follows external links, external storage and virtual datasets wherever they lead, so that a file from somebody
     else could make any readable file part of a result.
@@ -32,6 +41,8 @@ def open_hdf5(path: Path, is_result_link: Callable[[str, str], bool] = lambda na
     is_result_link : callable, optional
         Returns True for an external link, given by its name and its target file, that is allowed, and whose target is
         checked likewise. By default none is.
+    max_compression : int, optional
+        Largest ratio of the size of an array and of its stored size, if the array takes more than `ALWAYS_ALLOWED`.
 
     Yields
     ------
@@ -43,13 +54,13 @@ def open_hdf5(path: Path, is_result_link: Callable[[str, str], bool] = lambda na
     OSError
         If the file is a device, a pipe or a folder, or if it cannot be read as HDF5.
     ValueError
-        If it refers to other files, or if an array is larger than the file can hold.
+        If it refers to other files, if an array is far larger than what is stored of it, or if it is compressed twice.
     """
     check_file(path)
     with h5py.File(path, "r") as file:
         try:
             _check_heaps(path, file.id.get_create_plist().get_sizes()[1])
-            _check(file, path.stat().st_size, is_result_link)
+            _check(file, path.stat().st_size, is_result_link, max_compression)
         except (RuntimeError, LookupError, TypeError) as error:  # as h5py names errors of HDF5
             raise OSError(f"is damaged: {error}") from None
         yield file
@@ -95,7 +106,7 @@ def _end_of_objects(content: mmap.mmap, position: int, end: int, header: int) ->
     return position
 
 
-def _check(group: Any, size: int, is_result_link: Callable[[str, str], bool] | None) -> None:
+def _check(group: Any, file_size: int, is_result_link: Callable[[str, str], bool] | None, max_compression: int) -> None:
     """Check the links and arrays of a group at any depth, in a file of a size [bytes]. Raises ValueError."""
     external: dict[bytes, str] = {}
 
@@ -106,7 +117,7 @@ def _check(group: Any, size: int, is_result_link: Callable[[str, str], bool] | N
 
     def visit_object(name: bytes, info: Any) -> None:
         if info.type == h5py.h5o.TYPE_DATASET:
-            _check_array(h5py.h5d.open(group.id, name), size)
+            _check_array(h5py.h5d.open(group.id, name), file_size, max_compression)
 
     group.id.links.visit(visit_link, info=True)
     h5py.h5o.visit(group.id, visit_object, info=True)  # low-level: as fast as the arrays are read
@@ -116,18 +127,29 @@ def _check(group: Any, size: int, is_result_link: Callable[[str, str], bool] | N
             raise ValueError(f"{name!r} is a link to another file, {target!r}; allowed: data in the file itself")
         with suppress(KeyError):  # it may not be written yet
             linked = group[link]
-            _check(linked, Path(linked.file.filename).stat().st_size, None)
+            _check(linked, Path(linked.file.filename).stat().st_size, None, max_compression)
 
 
-def _check_array(dataset: Any, file_size: int) -> None:
+def _check_array(dataset: Any, file_size: int, max_compression: int) -> None:
     """Check the storage and the size of a low-level dataset. Raises ValueError."""
     stored = dataset.get_create_plist()
     if stored.get_layout() == h5py.h5d.VIRTUAL or stored.get_external_count():
-        name = h5py.h5i.get_name(dataset).decode(errors="replace")
-        raise ValueError(f"{name!r} is stored in other files; allowed: data in the file itself")
-    size = dataset.get_space().get_simple_extent_npoints() * dataset.get_type().get_size()
-    if size > max(ALWAYS_ALLOWED, MAX_COMPRESSION * file_size):
-        name = h5py.h5i.get_name(dataset).decode(errors="replace")
+        raise ValueError(f"{_name(dataset)} is stored in other files; allowed: data in the file itself")
+    filters = [stored.get_filter(k)[0] for k in range(stored.get_nfilters())]
+    if len(set(filters)) < len(filters):  # which may expand it a million times
+        raise ValueError(f"{_name(dataset)} is compressed twice by the same filter; allowed: once")
+    number, size = math.prod(dataset.shape), dataset.get_type().get_size()
+    if stored.get_layout() == h5py.h5d.CHUNKED:
+        number = max(number, math.prod(stored.get_chunk()))  # chunks are read as a whole
+    if number * max(size, _DOUBLE) <= ALWAYS_ALLOWED:
+        return
+    held, taken = min(dataset.get_storage_size(), file_size), number * size  # several chunks may name the same bytes
+    if taken > max_compression * held:
         raise ValueError(
-            f"{name!r} of shape {dataset.shape} takes {size / 2**30:.0f} GiB; its file of {file_size} bytes holds less"
+            f"{_name(dataset)} of shape {dataset.shape} takes {taken / 2**30:.4g} GiB, of which the file stores {held} "
+            f"bytes; allowed: {max_compression} times what it stores, or {ALWAYS_ALLOWED // _DOUBLE} numbers"
         )
+
+
+def _name(dataset: Any) -> str:
+    return repr(h5py.h5i.get_name(dataset).decode(errors="replace"))

@@ -1,16 +1,12 @@
 """Check of the other files that a mesh file refers to: readers follow them wherever they lead."""
 
-import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree
 
 from meeframe.common.errors import MeshError
-
-_XDMF: Final = (".xdmf", ".xmf")
-_ABAQUS: Final = (".inp",)
-_INCLUDE: Final = re.compile(rb"^\s*\*\s*include\b[^=\n]*=\s*([^\n]*)", re.IGNORECASE | re.MULTILINE)
+from meeframe.common.files import check_file
 
 
 def check_references(file: Path) -> None:
@@ -27,40 +23,73 @@ def check_references(file: Path) -> None:
     Raises
     ------
     MeshError
-        If it refers to a file in another folder, or to a raw file, or is one of HDF5 that refers to others.
+        If it refers to a file in another folder, to a raw file, a device or a pipe, or is one of HDF5 that refers to
+        others.
     """
+    named = _NAMED.get(file.suffix.lower(), _no_names)
     pending, seen = [file], {file}
     while pending:
         current = pending.pop()
-        _check_hdf5(current)
-        for name in _names(current):
-            if not name or Path(name).name != name:
-                raise MeshError(f"refers to {name!r}; allowed: names of files in its folder")
-            other = current.parent / name
-            if other not in seen and other.is_file():
-                seen.add(other)
-                pending.append(other)
+        try:
+            check_file(current)
+            _check_hdf5(current)
+            for other in named(current):
+                if other not in seen and other.exists():
+                    seen.add(other)
+                    pending.append(other)
+        except OSError as error:
+            raise MeshError(f"{current.name} cannot be read: {error.strerror}") from None
 
 
-def _names(file: Path) -> Iterator[str]:
-    """Yield the names of other files in a file of XDMF or Abaqus. Raises MeshError."""
-    suffix = file.suffix.lower()
-    if suffix in _XDMF:
-        yield from _named_in_xdmf(file)
-    elif suffix in _ABAQUS:
-        yield from (name.decode(errors="replace").strip() for name in _INCLUDE.findall(file.read_bytes()))
+def _no_names(_: Path) -> Iterator[Path]:
+    return iter(())
 
 
-def _named_in_xdmf(file: Path) -> Iterator[str]:
+def _named_in_xdmf(file: Path) -> Iterator[Path]:
+    """Yield the HDF5 files that an XDMF file names, in elements of any name: so does the reader. Raises MeshError."""
     try:
-        items = [(item.get("Format"), item.text or "") for item in ElementTree.parse(file).iter("DataItem")]
+        items = [(item.get("Format"), item.text or "") for item in ElementTree.parse(file).iter()]
     except (ElementTree.ParseError, ValueError, LookupError):
-        return  # the reader describes what is wrong
+        return  # the reader describes what is wrong; HDF5 files are no XML
+    folder = file.resolve().parent
     for kind, text in items:
         if kind == "Binary":
             raise MeshError(f"takes data from the raw file {text.strip()!r}; allowed: data in HDF5 files or in XML")
         if kind == "HDF":
-            yield text.strip().partition(":")[0]
+            yield folder / _checked(text.strip().partition(":")[0])
+
+
+def _included_in_abaqus(file: Path) -> Iterator[Path]:
+    """Yield the files that an Abaqus file includes. Raises MeshError.
+
+    The lines, their encoding and their keywords are those of the reader, which ignores stars within a keyword.
+    """
+    with file.open(errors="replace") as lines:
+        for line in lines:
+            if line.startswith("**"):  # a comment
+                continue
+            if line.partition(",")[0].replace("*", "").strip().upper() == "INCLUDE":
+                name = _checked(line.rpartition("=")[2].strip())
+                beside, here = file.parent / name, Path(name)
+                if here.exists() and not (beside.exists() and here.samefile(beside)):  # the reader prefers it
+                    raise MeshError(
+                        f"refers to {name!r}, which is in the current folder too; allowed: files in its folder"
+                    )
+                yield beside
+
+
+_NAMED: Final[dict[str, Callable[[Path], Iterator[Path]]]] = {
+    ".xdmf": _named_in_xdmf,
+    ".xmf": _named_in_xdmf,
+    ".inp": _included_in_abaqus,
+}
+"""Functions that yield the files that a mesh file names, by its suffix; included files are of the same format."""
+
+
+def _checked(name: str) -> str:
+    if not name or Path(name).name != name:
+        raise MeshError(f"refers to {name!r}; allowed: names of files in its folder")
+    return name
 
 
 def _check_hdf5(file: Path) -> None:

@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 
 from meeframe.common.errors import ResultError
-from meeframe.common.hdf5 import open_hdf5
+from meeframe.common.hdf5 import MAX_DEFLATE, open_hdf5
 from meeframe.contact.problem import Status
 from meeframe.fields import MEE, Array, FieldSet, Indices, ScalarField
 from meeframe.indenters.base import N_RIGID, IndenterMotions, motion_modes
@@ -195,7 +195,7 @@ def read_result(folder: str | Path) -> Result:
         If the folder contains no result, or if the file is damaged or of another format.
     """
     folder = Path(folder)
-    with _reading(folder), open_hdf5(folder / RESULT_FILE, _is_increment) as file:
+    with _reading(folder), open_hdf5(folder / RESULT_FILE, _is_increment, MAX_DEFLATE) as file:
         version = file.attrs.get("format")
         if version not in _READABLE:
             again = ": run the case again, which is in its attribute 'case'" if "case" in file.attrs else ""

@@ -123,6 +123,7 @@ def _read_hdf5(path: Path, scales: Scales) -> HeightMap:
             raise ValueError(
                 f"dataset = {scales.dataset!r}; the matrices in the file are {', '.join(datasets) or 'none'}"
             )
+        _check_matrix(dataset)  # before texts of any length are read
         return _from_array(np.asarray(dataset), scales)
 
 
@@ -196,8 +197,7 @@ def _is_number(token: str) -> bool:
 
 def _from_array(array: Array, scales: Scales) -> HeightMap:
     """Return the map of rows (x, y, height) if there are three columns and no spacing is known, else of a matrix."""
-    if array.ndim != 2 or array.dtype.kind not in "fiu" or min(array.shape) < 2:
-        raise ValueError(f"{array.dtype} {array.shape} in it")
+    _check_matrix(array)
     if scales.spacing is not None:
         (dx, dy), (ny, nx) = scales.spacing, array.shape
         return _matrix(dx * np.arange(nx), dy * np.arange(ny), array.astype(float), scales)
@@ -213,6 +213,12 @@ def _from_array(array: Array, scales: Scales) -> HeightMap:
     heights = np.empty((len(y), len(x)))
     heights[row, column] = array[:, 2]
     return _matrix(x * scales.lateral_unit, y * scales.lateral_unit, heights, scales)
+
+
+def _check_matrix(array: Any) -> None:
+    """Raise ValueError unless an array, or a dataset, is a matrix of real numbers."""
+    if array.ndim != 2 or array.dtype.kind not in "fiu" or min(array.shape) < 2:
+        raise ValueError(f"{array.dtype} {array.shape} in it")
 
 
 def _reshape(heights: Array, rows: int, columns: int) -> Array:

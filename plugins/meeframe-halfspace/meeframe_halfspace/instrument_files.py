@@ -4,9 +4,10 @@ import warnings
 from pathlib import Path
 from typing import Any, Final
 
+import h5py
 import numpy as np
 
-from meeframe.plugin import CaseError, HeightMap, Quantity
+from meeframe.plugin import CaseError, HeightMap, Quantity, open_hdf5
 
 _SAMPLE: Final = 2**16
 """Number of bytes at the beginning of a file that show whether it is text."""
@@ -47,9 +48,15 @@ def read_instrument(
     ------
     CaseError
         Without SurfaceTopography.
+    OSError
+        If the file is a damaged one of HDF5.
     ValueError
-        If it cannot read the file, or if the file does not define unit or size and neither do the arguments.
+        If it cannot read the file, if `open_hdf5` refuses it, or if the file does not define unit or size and neither
+        do the arguments.
     """
+    if h5py.is_hdf5(path):  # whatever its suffix: .datx, .mat, ...
+        with open_hdf5(path):
+            pass  # the readers below follow references to other files
     try:
         from SurfaceTopography import open_topography
     except ImportError as error:

@@ -1,5 +1,6 @@
 """Test reading and writing meshes, and rejected files."""
 
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -386,3 +387,81 @@ def test_abaqus_includes_from_its_folder_only(tmp_path: Path) -> None:
         part.write_text(f"*HEADING\n*include, input={name}\n")
         with pytest.raises(MeshError, match=message):
             read(path)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "*INC*LUDE, INPUT={}\n",
+        "  **include , input={}\n",
+        "include\v, x={}\n",
+        "*HEADING\r*INCLUDE, INPUT={}\r*END\r",
+        "*\u0131nclude, input={}\n",  # a dotless i, whose capital is I
+    ],
+)
+@pytest.mark.parametrize("name", ["mesh.inp", "MESH.INP", "part.txt"])
+def test_abaqus_includes_are_found_as_by_the_reader(lines: str, name: str, tmp_path: Path) -> None:
+    """The reader ignores stars within keywords, spaces around them, their case, and the suffix of included files."""
+    (tmp_path / "inside").mkdir()
+    private = tmp_path / "private.inp"
+    meshio.write(private, meshio.Mesh(np.array(TETRA, float), CLOSED))
+    path = tmp_path / "inside" / (name if name.lower().endswith(".inp") else "mesh.inp")
+    path.write_text("*INCLUDE, INPUT=part.txt\n")
+    (path.parent / name).write_text(lines.format(private), newline="")
+    assert len(meshio.abaqus.read(path).points) == 4  # without the check
+    with pytest.raises(MeshError, match=f"refers to '{private}'; allowed: names of files in its folder"):
+        read(path)
+
+
+def test_abaqus_comments_include_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.inp"
+    meshio.write(path, meshio.Mesh(np.array(TETRA, float), CLOSED))
+    path.write_text("**INCLUDE, INPUT=/etc/passwd\n" + path.read_text())
+    assert volume(read(path)) == pytest.approx(1 / 6)
+
+
+def test_abaqus_includes_no_files_of_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The reader prefers them to those beside the mesh."""
+    (tmp_path / "inside").mkdir()
+    path = tmp_path / "inside" / "mesh.inp"
+    path.write_text("*INCLUDE, INPUT=part.inp\n")
+    for folder in (tmp_path, path.parent):
+        meshio.write(folder / "part.inp", meshio.Mesh(np.array(TETRA, float), CLOSED))
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(MeshError, match=r"refers to 'part\.inp', which is in the current folder too; allowed: "):
+        read(path)
+    monkeypatch.chdir(path.parent)
+    assert volume(read(Path("mesh.inp"))) == pytest.approx(1 / 6)
+
+
+def test_meshes_refer_to_no_pipes(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "part.inp")
+    (tmp_path / "mesh.inp").write_text("*INCLUDE, INPUT=part.inp\n")
+    with pytest.raises(MeshError, match=r"part\.inp cannot be read: is a device or a pipe"):
+        read(tmp_path / "mesh.inp")
+
+
+def test_xdmf_names_files_in_any_element(tmp_path: Path) -> None:
+    """The reader does not look at the names of elements with data."""
+    (tmp_path / "inside").mkdir()
+    path = _xdmf(tmp_path / "inside")
+    (tmp_path / "inside" / "mesh.h5").rename(tmp_path / "private.h5")
+    _renamed(path, "mesh.h5", str(tmp_path / "private.h5"))
+    _renamed(path, "DataItem", "Other")
+    assert len(meshio.read(path).points) == 4  # without the check
+    with pytest.raises(MeshError, match=r"private\.h5'; allowed: names of files in its folder"):
+        read(path)
+
+
+def test_links_to_xdmf_are_followed(tmp_path: Path) -> None:
+    """HDF5 files are beside the XDMF file, not beside the link to it."""
+    (tmp_path / "other").mkdir()
+    path = tmp_path / "mesh.xdmf"
+    path.symlink_to(_xdmf(tmp_path / "other"))
+    assert volume(read(path)) == pytest.approx(1 / 6)
+    with h5py.File(tmp_path / "other" / "mesh.h5", "a") as file:
+        (first, *_) = file
+        file.move(first, "moved")
+        file[first] = h5py.ExternalLink("other.h5", first)
+    with pytest.raises(MeshError, match=r"mesh\.h5 cannot be read as HDF5: .* is a link to another file"):
+        read(path)

@@ -1,11 +1,14 @@
 """HDF5 files that refer to other files, or declare more data than they contain, are rejected."""
 
+import zlib
+
 import h5py
 import numpy as np
 import pytest
 
+from meeframe.common import hdf5
 from meeframe.common.errors import MeshError, ResultError
-from meeframe.common.hdf5 import open_hdf5
+from meeframe.common.hdf5 import MAX_DEFLATE, open_hdf5
 from meeframe.mesh.reader import read_any
 from meeframe.results.fclib import LocalProblem, read_local, write_local
 from meeframe.results.files import ResultWriter, read_result, write_result
@@ -129,3 +132,79 @@ def test_arrays_larger_than_their_file_are_not_read(tmp_path, options):
         file.create_dataset("a/heights", (316_000, 316_000), float, **options)
     with pytest.raises(ValueError, match=r"'/a/heights' of shape \(316000, 316000\) takes 744 GiB"), open_hdf5(path):
         pass
+
+
+@pytest.mark.parametrize(
+    ("shape", "options"),
+    [
+        ((11_000, 11_000), {"dtype": "f8", "chunks": (1000, 1000)}),
+        ((11_000, 11_000), {"dtype": "u1", "chunks": (1000, 1000)}),  # becomes doubles
+        ((4096, 4097), {"dtype": "f8", "chunks": (4096, 4097), "compression": "gzip"}),
+        ((2, 2), {"dtype": "f8", "chunks": (5000, 5000), "maxshape": (None, None)}),  # a chunk is read as a whole
+    ],
+)
+def test_arrays_that_are_hardly_stored_are_not_read(tmp_path, shape, options):
+    path = tmp_path / "unwritten.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("heights", shape, **options)
+    message = r"'/heights' of shape .* takes 0\.\d+ GiB, of which the file stores 0 bytes; allowed: .* 16777216 numbers"
+    with pytest.raises(ValueError, match=message), open_hdf5(path):
+        pass
+
+
+def test_flat_arrays_of_moderate_size_are_read(tmp_path):
+    path = tmp_path / "flat.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("flat", data=np.zeros((4096, 4096), "u1"), chunks=(4096, 4096), compression="gzip")
+        file.create_dataset("unwritten", (4096, 4096), "f8", chunks=(4096, 4096))
+    with open_hdf5(path) as file:
+        assert file["flat"].shape == file["unwritten"].shape
+
+
+@pytest.mark.parametrize("is_compressed", [False, True])
+def test_large_arrays_are_read_if_they_are_stored(tmp_path, monkeypatch, is_compressed):
+    """The limit of size is lowered here, so that the array is large."""
+    monkeypatch.setattr(hdf5, "ALWAYS_ALLOWED", 2**12)
+    path, heights = tmp_path / "map.h5", np.random.default_rng(1).normal(size=(200, 200))
+    options = {"compression": "gzip", "shuffle": True} if is_compressed else {}
+    with h5py.File(path, "w") as file:
+        file.create_dataset("heights", data=np.round(heights, 1) if is_compressed else heights, **options)
+    with open_hdf5(path) as file:
+        stored = file["heights"].id.get_storage_size()
+        assert (stored < heights.nbytes / 4) == is_compressed
+    with h5py.File(path, "r+") as file:
+        file["heights"][...] = 0.0
+    if is_compressed:
+        message = r"'/heights' of shape .* allowed: 32 times what it stores"
+        with pytest.raises(ValueError, match=message), open_hdf5(path):
+            pass
+        with open_hdf5(path, max_compression=MAX_DEFLATE) as file:
+            assert file["heights"][0, 0] == 0.0
+
+
+def test_chunks_that_are_compressed_twice_are_rejected(tmp_path):
+    """A file of some kilobytes could expand to gigabytes, however small the array."""
+    path = tmp_path / "twice.h5"
+    with h5py.File(path, "w") as file:
+        properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        properties.set_chunk((16, 16))
+        properties.set_deflate(9)
+        properties.set_deflate(9)
+        h5py.h5d.create(
+            file.id, b"heights", h5py.h5t.IEEE_F64LE, h5py.h5s.create_simple((16, 16)), properties
+        ).write_direct_chunk((0, 0), zlib.compress(zlib.compress(bytes(2**20))))
+    with pytest.raises(ValueError, match="'/heights' is compressed twice by the same filter"), open_hdf5(path):
+        pass
+
+
+def test_results_may_hold_fields_that_are_zero_nearly_everywhere(tmp_path, synthetic):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    write_result(folder, synthetic.result(synthetic.step(1e-6)))
+    with h5py.File(folder / "result.h5", "r+") as file:
+        file.create_dataset("other", data=np.zeros((4200, 4200), "u1"), chunks=(4200, 4200), compression="gzip")
+    assert len(read_result(folder).steps) == 1
+    with h5py.File(folder / "result.h5", "r+") as file:
+        file.create_dataset("unwritten", (4200, 4200), "u1", chunks=(4200, 4200))
+    with pytest.raises(ResultError, match=r"result\.h5 .*'/unwritten' of shape .* of which the file stores 0 bytes"):
+        read_result(folder)
