@@ -19,9 +19,12 @@ The names below are imported when they are first used, so that `import meeframe`
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+
+TYPE_CHECKING = False  # type checkers take this name for True; to import typing would take most of the start
 
 if TYPE_CHECKING:
+    from typing import Any
+
     import meeframe.indenters.topography as topography
     import meeframe.mesh as mesh
     from meeframe.api.case import Case as Case
@@ -147,7 +150,7 @@ _MODULES = {"mesh": "meeframe.mesh", "topography": "meeframe.indenters.topograph
 __all__ = ["__version__", "mesh", "topography", *_HOMES]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     if name in _MODULES:
         return import_module(_MODULES[name])
     if name not in _HOMES:

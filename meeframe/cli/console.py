@@ -48,7 +48,7 @@ def exit_status(memory_status: int = BAD_INPUT, interruption_note: str = "") -> 
         Text for an interruption that carries no note because it came before anything was written.
     """
     try:
-        with _handle_termination(), _print_warnings():
+        with _handle_termination(), _print_warnings(), _report_plugins():
             yield
     except MeeframeError as error:
         print(f"error: {printable(_with_notes(str(error), error))}", file=sys.stderr)
@@ -84,6 +84,23 @@ def exit_status(memory_status: int = BAD_INPUT, interruption_note: str = "") -> 
         repeated = isinstance(error.__context__, KeyboardInterrupt)  # the first had no time to report what was written
         print(_with_notes("interrupted", error, "" if repeated else interruption_note), file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
+
+
+@contextmanager
+def _report_plugins() -> Iterator[None]:
+    """Report an exception from the code of a plugin wherever it is raised, also as the code of an attribute."""
+    try:
+        yield
+    except (MeeframeError, MemoryError, KeyboardInterrupt, typer.Exit):
+        raise
+    except BaseException as error:
+        from meeframe.plugin.sources import fault_in
+
+        fault = fault_in(error)
+        if fault is None:
+            raise
+        print(f"error: {printable(_with_notes(str(fault), error))}", file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
 
 
 @contextmanager

@@ -4,7 +4,8 @@ from collections.abc import Iterable
 from itertools import islice
 from typing import Final
 
-_MAX_PROBLEMS: Final = 50
+MAX_PROBLEMS: Final = 50
+"""Largest number of problems that one message shows."""
 _MAX_LINE: Final = 2000
 """Largest number of characters in a line of a message; keys and values of damaged files may have thousands."""
 
@@ -54,6 +55,6 @@ def _shortened(line: str) -> str:
 def listed(problems: Iterable[object], separator: str = "\n") -> str:
     """Return the first problems as one text, and the number of further ones."""
     lines = iter(problems)
-    first = list(map(str, islice(lines, _MAX_PROBLEMS)))
+    first = list(map(str, islice(lines, MAX_PROBLEMS)))
     more = sum(1 for _ in lines)
     return separator.join([*first, *([f"and {more} more problems"] if more else [])])

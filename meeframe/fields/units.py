@@ -31,6 +31,8 @@ _PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -
 
 MAX_MAGNITUDE: Final = 1e60
 """Largest magnitude of prescribed quantities and material constants in SI units; products of some stay finite."""
+MIN_MAGNITUDE: Final = 1e-60
+"""Smallest magnitude of moduli, permittivities and the like in SI units; products of some do not vanish."""
 
 
 class Quantity:

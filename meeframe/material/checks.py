@@ -4,7 +4,7 @@ import numpy as np
 
 from meeframe.common.errors import MaterialError
 from meeframe.fields import Array
-from meeframe.fields.units import MAX_MAGNITUDE
+from meeframe.fields.units import MAX_MAGNITUDE, MIN_MAGNITUDE
 from meeframe.material.voigt import mandel_matrix
 
 _SYMMETRIES = {
@@ -90,13 +90,15 @@ def validate_coefficient(material: str, name: str, values: Array) -> Array:
     Raises
     ------
     MaterialError
-        If the shape is wrong, an entry is not finite, or the tensor is not symmetric and positive definite.
+        If the shape is wrong, an entry is not finite, or the tensor is not symmetric and positive definite, or too
+        small for the arithmetic.
     """
     tensor: Array = np.array(values, dtype=float)
     if tensor.shape != (3, 3) or not (np.abs(tensor) <= MAX_MAGNITUDE).all():
         raise MaterialError(f"{material_phrase(material)}: {name} must be finite numbers of shape (3, 3)")
     check_tensor_symmetry(material, name, tensor, f"{name}_kl = {name}_lk", (1, 0))
     tensor = (tensor + tensor.T) / 2.0
+    _check_size(material, name, tensor)
     if not _lowest_eigenvalue(tensor)[1]:
         raise MaterialError(f"{material_phrase(material)} is not admissible: {name} must be positive definite")
     tensor.setflags(write=False)
@@ -145,8 +147,9 @@ def check_elastic(material: str, elastic: Array) -> None:
     Raises
     ------
     MaterialError
-        If it is not; the message gives the smallest eigenvalue.
+        If it is not, with the smallest eigenvalue, or if it is too small for the arithmetic.
     """
+    _check_size(material, "the elastic stiffness c", elastic)
     lowest, definite = _lowest_eigenvalue(mandel_matrix(elastic))
     if not definite:
         raise MaterialError(
@@ -169,13 +172,15 @@ def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) 
     ------
     MaterialError
         If it is not; the message gives the smallest eigenvalue, scaled and in SI units, and the components that cause
-        it. Also if it is so nearly singular that no contact can be solved accurately.
+        it. Also if it is so nearly singular that no contact can be solved accurately, or eps or mu is too small for the
+        arithmetic.
 
     Notes
     -----
     The eigenvalues are computed with eps and mu scaled to order one, since they differ by ten decades in SI units.
     """
     for symbol, tensor, unit in (("eps", eps, "F/m"), ("mu", mu, "N s^2/C^2")):
+        _check_size(material, symbol, tensor)
         lowest, definite = _lowest_eigenvalue(tensor)
         if not definite:
             raise MaterialError(
@@ -198,6 +203,16 @@ def check_electromagnetic(material: str, eps: Array, lambda_: Array, mu: Array) 
         raise MaterialError(
             f"{material_phrase(material)} is nearly inadmissible: lambda is 1 - {1.0 - coupling:.2g} times the largest "
             f"coupling that eps and mu admit; allowed: at most 1 - {_MIN_COUPLING_MARGIN:g} times"
+        )
+
+
+def _check_size(material: str, name: str, tensor: Array) -> None:
+    """Raise MaterialError if a tensor is so small, but not zero, that the arithmetic loses it."""
+    size = float(np.abs(tensor).max())
+    if 0.0 < size < MIN_MAGNITUDE:
+        raise MaterialError(
+            f"{material_phrase(material)}: the largest component of {name} is {size:g}, must be at least "
+            f"{MIN_MAGNITUDE:g} in SI units"
         )
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import MaterialError
 from meeframe.fields import ELECTRIC, MAGNETIC, MEE, THERMAL_FIELD, Array, FieldScaling, FieldSet, ScalarField
-from meeframe.fields.units import MAX_MAGNITUDE
+from meeframe.fields.units import MAX_MAGNITUDE, MIN_MAGNITUDE
 from meeframe.material.checks import (
     check_elastic,
     check_electromagnetic,
@@ -175,10 +175,10 @@ class Material:
         MaterialError
             If a constant is out of bounds.
         """
-        if not (0.0 < young_modulus <= MAX_MAGNITUDE):
+        if not (MIN_MAGNITUDE <= young_modulus <= MAX_MAGNITUDE):
             raise MaterialError(
-                f"material {name!r}: young_modulus is {young_modulus} Pa, must be positive and finite, at most "
-                f"{MAX_MAGNITUDE:g} Pa"
+                f"material {name!r}: young_modulus is {young_modulus} Pa, must be positive and finite, at least "
+                f"{MIN_MAGNITUDE:g} and at most {MAX_MAGNITUDE:g} Pa"
             )
         if not (-1.0 < poisson_ratio < 0.5):
             raise MaterialError(f"material {name!r}: poisson_ratio is {poisson_ratio}, must lie between -1 and 0.5")

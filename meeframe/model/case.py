@@ -27,7 +27,15 @@ from meeframe.model.preflight import check_solver, preflight, undeformed, unused
 from meeframe.model.restart import check_same_zone
 from meeframe.model.rolling_steps import check_profiles, check_rolling, check_surface, divide_steps
 from meeframe.model.second_body import check_alike, check_fields, check_match, coarse_zone
-from meeframe.model.step import check_duration, check_first, check_names, check_pull, check_resisted, resisted
+from meeframe.model.step import (
+    check_duration,
+    check_first,
+    check_names,
+    check_pull,
+    check_resisted,
+    check_size,
+    resisted,
+)
 from meeframe.model.wear import check_sliding, check_wear
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import choices
@@ -153,6 +161,7 @@ class Case(CaseData):
             check_duration(step, number, self.contact_law)
             check_sliding(step, number, self.contact_law, self.wear)
             check_pull(step, self.contact_law)
+            check_size(step, contact_zone.points)
             check_resisted(step, self.motions, resists)
         law_of_increment(self.contact_law, np.zeros(len(contact_zone.points)), self.steps[0].increment_duration)
         check_solver(self, self.solver)

@@ -26,7 +26,7 @@ from meeframe.model.restart import Restart, check_same_zone
 from meeframe.model.rolling_steps import check_profiles, check_rolling, check_surface, divide_steps
 from meeframe.model.schema import CaseTable
 from meeframe.model.second_body import SecondBody, check_alike, check_fields, check_match
-from meeframe.model.step import Step, check_duration, check_first, check_pull, check_resisted
+from meeframe.model.step import Step, check_duration, check_first, check_pull, check_resisted, check_size
 from meeframe.model.wear import check_sliding, check_wear
 from meeframe.plugin.sources import faults_of_plugins
 from meeframe.plugin.validation import Problem, TableError
@@ -148,6 +148,7 @@ def _case_checks(
         yield Problem(("steps", number), ""), partial(check_duration, step, number + 1, law)
         yield Problem(("steps", number), ""), partial(check_sliding, step, number + 1, law, table.contact.wear)
         yield Problem(("steps", number), ""), partial(check_pull, step, law)
+        yield Problem(("steps", number), ""), partial(check_size, step, points)
         yield Problem(("steps", number), ""), partial(_check_held, step, IndenterMotions(body.fields), held)
     two_bodies = second_body is not None
     yield Problem(("contact", "friction_heat"), "", heat), partial(check_friction_heat, heat, body.fields, two_bodies)

@@ -15,14 +15,20 @@ from meeframe.contact.channels import FluxChannel
 from meeframe.contact.scales import largest
 from meeframe.fields import MEE, N_MECHANICAL, Array, FieldSet
 from meeframe.fields.units import Quantity
-from meeframe.indenters.base import N_RIGID, IndenterMotions
+from meeframe.indenters.base import N_RIGID, RIGID_MOTIONS, IndenterMotions
 from meeframe.laws.base import ContactLaw, is_adhesive
+from meeframe.mesh.regular import extreme_points
 from meeframe.model.rolling import Rolling
 from meeframe.plugin.validation import Problem, TableError, choices
 
 _LEAST_FRACTION: Final = 1e-9
 """Least component of a motion along the normal; smaller ones are round-off of the frames."""
 
+_MAX_MOTION: Final = 1e9
+"""Largest motion in multiples of the width of the contact zone, and largest rotation [rad].
+
+Motions that are merely not small have a diagnostic; no confusion of units leads to larger ones.
+"""
 _FURTHER_UNITS: Final = {"sliding": "m", "max_pressure_change": "1", "duration": "s"}
 """Units of the quantities of a step that are no motions or resultants."""
 
@@ -191,6 +197,19 @@ def check_pull(step: Step, law: ContactLaw) -> None:
     if force < 0 and not is_adhesive(law):
         allowed = "allowed: numbers >= 0 [N], pressing on the body, unless the contact law is adhesive"
         raise TableError(Problem(("normal_force",), allowed, force))
+
+
+def check_size(step: Step, points: Array) -> None:
+    """Raise TableError if a motion exceeds the contact zone, of nodes (n, 3), beyond anything physical."""
+    width = float(np.ptp(extreme_points(points), axis=0).max())
+    for key in RIGID_MOTIONS:
+        value = step.prescribed.get(key, np.zeros(1))
+        unit = IndenterMotions().units[key]
+        limit = _MAX_MOTION * (width if unit == "m" else 1.0)
+        if largest(value) > limit:
+            of_width = f", {_MAX_MOTION:g} times the width of the contact zone" if unit == "m" else ""
+            number = value.item() if value.size == 1 else value.tolist()
+            raise TableError(Problem((key,), f"allowed: at most {limit:.3g} {unit}{of_width}", number))
 
 
 def check_duration(step: Step, number: int, law: ContactLaw) -> None:

@@ -166,8 +166,8 @@ def faults_of_plugins(*passing: type[Exception]) -> Iterator[None]:
 
     The original exception is its __cause__, and the innermost frame is named if it is not in the plugin. These
     exceptions pass unchanged: those without a plugin frame, which are defects of meeframe; MeeframeError, MemoryError
-    and KeyboardInterrupt; and those raised by the caller of the plugin in a callback. SystemExit is a fault like any
-    other: it would end the run without a result.
+    and KeyboardInterrupt, if they have a text; and those raised by the caller of the plugin in a callback. SystemExit
+    is a fault like any other: it would end the run without a result.
 
     A call of a law, of wear or of an indenter that exceeds its `time_limit` is a fault as well.
 
@@ -182,16 +182,23 @@ def faults_of_plugins(*passing: type[Exception]) -> Iterator[None]:
         with time_limit(lambda frame: _is_plugin_code(frame, packages)) if is_used else nullcontext():
             yield
     except BaseException as error:
-        if isinstance(error, (MeeframeError, MemoryError, KeyboardInterrupt, *passing)):
+        if isinstance(error, (MeeframeError, MemoryError, KeyboardInterrupt, *passing)) and _has_text(error):
             raise
-        frames = list(traceback.walk_tb(error.__traceback__))
-        last = max(
-            (number for number, (frame, _) in enumerate(frames) if _is_plugin_code(frame, packages)), default=None
-        )
-        if last is None or any(_is_caller_code(frame, frames[last][0]) for frame, _ in frames[last + 1 :]):
+        fault = fault_in(error)
+        if fault is None:
             raise
-        inner = f"; raised in {_where(*frames[-1])}" if last + 1 < len(frames) else ""
-        raise PluginFault(f"plugin file {_where(*frames[last])}: {reason(error)}{inner}") from error
+        raise fault from error
+
+
+def fault_in(error: BaseException) -> PluginFault | None:
+    """Return the fault of the plugin whose code raised an exception, or None if no such code did."""
+    packages = _plugin_packages(tuple(sys.path))
+    frames = list(traceback.walk_tb(error.__traceback__))
+    last = max((number for number, (frame, _) in enumerate(frames) if _is_plugin_code(frame, packages)), default=None)
+    if last is None or any(_is_caller_code(frame, frames[last][0]) for frame, _ in frames[last + 1 :]):
+        return None
+    inner = f"; raised in {_where(*frames[-1])}" if last + 1 < len(frames) else ""
+    return PluginFault(f"plugin file {_where(*frames[last])}: {reason(error)}{inner}")
 
 
 @lru_cache(maxsize=1)
@@ -224,7 +231,16 @@ def _where(frame: FrameType, line: int) -> str:
 
 
 def reason(error: BaseException) -> str:
-    """Return the description of an exception."""
+    """Return the description of an exception, also of one whose text is made by faulty code of a plugin."""
+    try:
+        return _description(error)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as other:
+        return f"{type(error).__name__}, whose text cannot be shown: it raises {type(other).__name__}"
+
+
+def _description(error: BaseException) -> str:
     if isinstance(error, MeeframeError):
         return str(error)
     text = f"{type(error).__name__}: {error.msg if isinstance(error, SyntaxError) else error}"
@@ -232,6 +248,17 @@ def reason(error: BaseException) -> str:
     if missing and missing.partition(".")[0] == PROJECT:
         text += f"; it was written for another version of {PROJECT} than {metadata.version(PROJECT)}"
     return text
+
+
+def _has_text(error: BaseException) -> bool:
+    """Return whether the text of an exception can be made."""
+    try:
+        str(error)
+    except KeyboardInterrupt:
+        raise
+    except BaseException:
+        return False
+    return True
 
 
 def line_in(error: BaseException, file: str | None) -> int | None:

@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from meeframe.common.arguments import most_similar
-from meeframe.common.errors import CaseError, MeeframeError, listed
+from meeframe.common.errors import MAX_PROBLEMS, CaseError, MeeframeError, listed
 from meeframe.fields import ELECTRIC_FIELD, THERMAL_FIELD
 from meeframe.fields.units import Quantity
 from meeframe.plugin.aliases import ALIASES, names_for
@@ -242,7 +242,8 @@ def _no_nan(value: Any) -> Any:
 def problems_of(error: ValidationError, model: type[BaseModel], other_keys: tuple[str, ...] = ()) -> list[Problem]:
     """Return the located problems of a pydantic error, including those of nested tables.
 
-    Unknown keys come first, as they often are misspelt missing keys.
+    Unknown keys come first, as they often are misspelt missing keys. Those after the first `MAX_PROBLEMS`, which no
+    message shows, have no suggestions: these take far longer than all else.
 
     Parameters
     ----------
@@ -257,17 +258,21 @@ def problems_of(error: ValidationError, model: type[BaseModel], other_keys: tupl
     # pydantic also calls a list too short if its entries are wrong
     wrong_lists = {item["loc"][: len(item["loc"]) - k] for item in items for k in range(1, len(item["loc"]))}
     items_to_report = [item for item in items if item["type"] != "too_short" or item["loc"] not in wrong_lists]
-    return [problem for item in items_to_report for problem in _problems(item, model, other_keys)]
+    return [
+        problem
+        for number, item in enumerate(items_to_report)
+        for problem in _problems(item, model, other_keys, number < MAX_PROBLEMS)
+    ]
 
 
-def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...]) -> Iterator[Problem]:
+def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...], suggests: bool) -> Iterator[Problem]:
     location, kind, value = tuple(item["loc"]), item["type"], item["input"]
     inner = item.get("ctx", {}).get("error")
     if isinstance(inner, TableError):
         for problem in inner.problems:
             yield problem.inside(*location)
     elif kind == "extra_forbidden":
-        yield Problem(location, _unknown_key(location, model, other_keys), value)
+        yield Problem(location, _unknown_key(location, model, other_keys) if suggests else "unknown key", value)
     elif kind == "missing":
         yield Problem(location, "missing key" if isinstance(location[-1], str) else "missing entry")
     elif kind == "value_error":

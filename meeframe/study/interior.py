@@ -1,12 +1,12 @@
 """Fields inside the bodies of a finished run and on their interfaces; bodies are reduced again from the stored case."""
 
 import math
-import tomllib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 from meeframe.common.errors import CaseError, ResultError
+from meeframe.common.toml import toml_tables
 from meeframe.fields import Array
 from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables, load_case
@@ -136,7 +136,8 @@ def interior(
     Raises
     ------
     ResultError
-        If there is no such increment, if the result holds no case, or if no node is in contact and no points are given.
+        If there is no such increment, if the result holds no case or one that is not TOML, or if no node is in contact
+        and no points are given.
     CaseError
         If the formulation cannot evaluate fields inside the body, or a point is outside.
     """
@@ -170,7 +171,7 @@ def interfaces(
     Raises
     ------
     ResultError
-        If there is no such increment, if the result holds no case, or if no node is in contact.
+        If there is no such increment, if the result holds no case or one that is not TOML, or if no node is in contact.
     CaseError
         If there is no such body, or the formulation cannot evaluate fields inside it.
     """
@@ -185,4 +186,10 @@ def _case(result: Result, case: Case | Path | str | None, registry: Registry | N
     text = result.provenance.case_text
     if not text.strip():
         raise ResultError("the result holds no text of a case; allowed: name the case")
-    return case_from_tables(tomllib.loads(text), registry, Path(), text, "the case of the result")
+    try:
+        tables = toml_tables(text)
+    except (ValueError, RecursionError) as error:  # results of others may hold any text
+        raise ResultError(
+            f"the case stored with the result is not a TOML file: {error}; allowed: name the case"
+        ) from None
+    return case_from_tables(tables, registry, Path(), text, "the case of the result")

@@ -124,7 +124,7 @@ class _Run:
         except MemoryError as error:
             error.add_note(self._content())
             raise
-        except Exception as error:
+        except BaseException as error:  # plugins may also raise SystemExit and the like
             if self._cleared:
                 error.add_note(self._content())
             raise

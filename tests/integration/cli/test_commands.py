@@ -1,6 +1,7 @@
 """Test commands: what they print and write, and their exit status."""
 
 import json
+import signal
 from importlib import metadata
 
 import numba
@@ -264,6 +265,16 @@ def test_second_interruption_while_handling_the_first(case_file, tmp_path, monke
     assert err.splitlines()[-1] == "interrupted"
 
 
+@pytest.fixture
+def handlers():
+    """Restore the handlers of signals: the process of the tests goes on after `main`."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("handlers")
 @pytest.mark.parametrize("name", ["meeframe.cli.console._with_notes", "typer.main.get_command"])
 def test_interruptions_outside_the_command_have_a_message(case_file, tmp_path, monkeypatch, capsys, name):
     """One while the message on the first is made, or before the command begins."""

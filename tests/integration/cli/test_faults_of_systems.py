@@ -77,6 +77,19 @@ def test_a_full_or_closed_standard_output(command):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+def test_a_full_standard_error(tmp_path):
+    """Its messages are lost; results and status are not."""
+    path, out = tmp_path / "case.toml", tmp_path / "out"
+    for text, status in ((HALF_SPACE + BARE, 0), (HALF_SPACE.replace("10 um", "10 u"), 2)):
+        path.write_text(text, encoding="utf-8")
+        with open("/dev/full", "w") as full:
+            command = [*COMMAND, "run", str(path), "--out", str(out), "--overwrite"]
+            done = subprocess.run(command, stdout=subprocess.PIPE, stderr=full, text=True, check=False)
+        assert done.returncode == status
+        assert ("converged" in done.stdout) == (status == 0)
+    assert str(meeframe.read_result(out).status) == "converged"
+
+
 @pytest.mark.full
 def test_a_reader_that_closes_its_pipe_during_a_run(tmp_path):
     """Results are written before the summary is printed."""

@@ -65,12 +65,32 @@ def test_magnitudes_beyond_anything_physical(tmp_path, check, old, new, message)
     assert f"{path}: {message}" in done.stderr
 
 
-def test_moduli_beyond_anything_physical(tmp_path, check):
+@pytest.mark.parametrize("modulus", ["1e+308", "1e-308"])
+def test_moduli_beyond_anything_physical(tmp_path, check, modulus):
     path = tmp_path / "case.toml"
-    path.write_text(CASE.replace('"200 GPa"', "1e308"), encoding="utf-8")
+    path.write_text(CASE.replace('"200 GPa"', modulus), encoding="utf-8")
     done = check(path)
     assert done.exit_code == 2
-    assert "young_modulus is 1e+308 Pa, must be positive and finite, at most 1e+60 Pa" in done.stderr
+    bounds = "must be positive and finite, at least 1e-60 and at most 1e+60 Pa"
+    assert f"young_modulus is {modulus} Pa, {bounds}" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("motion", "message"),
+    [
+        ("approach = 1e60", "approach = 1e+60: allowed: at most 5e+06 m, 1e+09 times the width of the contact zone"),
+        ("approach = -1e8", "approach = -100000000.0: allowed: at most 5e+06 m"),
+        ("translation = [0, 1e20]", "translation = [0, 1e+20]: allowed: at most 5e+06 m"),
+        ("tilt = [1e20, 0]", "tilt = [1e+20, 0]: allowed: at most 1e+09 rad"),
+        ("twist = -1e20", "twist = -1e+20: allowed: at most 1e+09 rad"),
+    ],
+)
+def test_motions_beyond_anything_physical(tmp_path, check, motion, message):
+    path = tmp_path / "case.toml"
+    path.write_text(f"{CASE}\n[[steps]]\n{motion}\n", encoding="utf-8")
+    done = check(path)
+    assert done.exit_code == 2
+    assert f"{path}: steps[2].{message}" in done.stderr
 
 
 @pytest.mark.parametrize(
@@ -108,10 +128,14 @@ def test_very_long_words(tmp_path, check, old, new, begin, end):
     ],
     ids=["keys", "entries of a list"],
 )
-def test_many_problems_are_counted(tmp_path, check, text):
+def test_many_problems_are_counted(tmp_path, check, monkeypatch, text):
+    """Suggestions, which take most of the time, are made for those only that the message shows."""
+    suggested = []
+    monkeypatch.setattr("meeframe.plugin.validation.choices", lambda name, _: suggested.append(name) or "allowed: none")
     path = tmp_path / "case.toml"
     path.write_text(text, encoding="utf-8")
     done = check(path)
+    assert len(suggested) == 50
     assert done.exit_code == 2
     assert done.stderr.count("\n") == 51
     assert done.stderr.endswith("and 1950 more problems\n")

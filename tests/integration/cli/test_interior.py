@@ -1,8 +1,10 @@
 """Test interior fields of a finished run: command line, Python, rejected input."""
 
 import re
+import shutil
 from pathlib import Path
 
+import h5py
 import meshio
 import numpy as np
 import pytest
@@ -250,6 +252,20 @@ def test_invalid_requests_are_rejected(run, tmp_path):
     status, _, err = invoke("show", run / "out", "--interior", "--case", tmp_path / "none.toml")
     assert status == 2
     assert "none.toml" in err
+
+
+def test_stored_case_that_is_no_case(run, tmp_path):
+    """Results of others may hold any text."""
+    shutil.copytree(run / "out", tmp_path / "out")
+    for text in ("x = \x1b[31m", "x = " + 2_000 * "["):
+        with h5py.File(tmp_path / "out" / "result.h5", "r+") as file:
+            file.attrs["case"] = text
+        status, _, err = invoke("show", tmp_path / "out", "--interior")
+        assert status == 2
+        assert err.startswith("error: the case stored with the result is not a TOML file: ")
+        assert err.endswith("; allowed: name the case\n")
+        with pytest.raises(ResultError, match="is not a TOML file"):
+            meeframe.interfaces(tmp_path / "out")
 
 
 def test_formulation_without_interior_fields(write_case, registry):

@@ -115,6 +115,51 @@ def test_interrupted_during_import():
     assert (done.returncode, done.stderr) == (130, "interrupted\n")
 
 
+STOPS_AT = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+class Stop:
+    def find_spec(self, name, *_):
+        if name == "{name}":
+            os.kill(os.getpid(), signal.{signal})
+sys.meta_path.insert(0, Stop())
+from meeframe.cli import main
+main()
+"""
+STOPS_AGAIN = """
+import atexit, os, signal, sys
+import meeframe.cli
+signal.signal(signal.SIGINT, signal.default_int_handler)
+class Last:
+    def __del__(self):
+        os.kill(os.getpid(), signal.{signal})
+sys.last = Last()  # the last modules that Python clears
+atexit.register(lambda: os.kill(os.getpid(), signal.{signal}))
+def stop():
+    os.kill(os.getpid(), signal.{signal})
+meeframe.cli.app = stop
+meeframe.cli.main()
+"""
+
+
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_signals_at_the_start_and_after_the_message(name):
+    """Between the first statement and the command, and while Python ends."""
+    for script in (
+        STOPS_AT.format(name="typer", signal=name),
+        STOPS_AT.format(name="typer.main", signal=name),
+        STOPS_AGAIN.format(signal=name),
+    ):
+        done = python("-c", script)
+        assert (done.returncode, done.stderr) == (130, "interrupted\n")
+
+
+def test_the_package_imports_nothing_before_the_command_line():
+    """Until signals are handled."""
+    done = python("-c", "import sys; sys.modules.pop('typing', None); import meeframe; print('typing' in sys.modules)")
+    assert done.stdout == "False\n"
+
+
 def test_bare_import_is_light():
     heavy = "numba", "matplotlib", "pint", "h5py", "meshio", "scipy"
     done = python("-c", f"import sys, meeframe; print([m for m in {heavy} if m in sys.modules])")

@@ -13,11 +13,26 @@ LAW = """
 
     import numpy as np
 
-    from meeframe.plugin import ContactLaw, Record, hookimpl
+    from meeframe.plugin import CaseError, ContactLaw, Record, hookimpl
 
 
     class Ending(BaseException):
         pass
+
+
+    class Mute(BaseException):
+        def __str__(self):
+            sys.exit(0)
+
+
+    class Dividing(ValueError):
+        def __str__(self):
+            return str(1 // 0)
+
+
+    class Refusing(CaseError):
+        def __str__(self):
+            sys.exit(0)
 
 
     def end(place):
@@ -65,11 +80,15 @@ CASE = """
     [[steps]]
     approach = "10 um"
 """
+FAILING_LINE = LAW.splitlines().index("            {what}") + 1
 WHATS = {
     "sys.exit(0)": "SystemExit: 0",
     "sys.exit()": "SystemExit: ",
     "raise Ending('mine')": "Ending: mine",
     "raise GeneratorExit('late')": "GeneratorExit: late",
+    "raise Mute": "Mute, whose text cannot be shown: it raises SystemExit",
+    "raise Dividing": "Dividing, whose text cannot be shown: it raises ZeroDivisionError",
+    "raise Refusing": "Refusing, whose text cannot be shown: it raises SystemExit",
 }
 
 
@@ -92,8 +111,28 @@ def run(tmp_path):
 def test_a_plugin_that_ends_the_process_is_reported_as_faulty(run, place, what, reason):
     done, out = run(place, what)
     assert done.exit_code == 2
-    assert "law.py, line 16" in done.stderr
+    assert f"law.py, line {FAILING_LINE}" in done.stderr
     assert reason in done.stderr
+    assert "Traceback" not in done.output
+    assert not (out / "result.h5").exists()
+
+
+def test_a_law_that_ends_the_process_as_its_parameter_is_read(run, tmp_path, monkeypatch):
+    """Results record the parameters of laws, which no code of the plugin but this one evaluates."""
+    attribute = """
+    limit: float = 0.0
+
+    def __getattribute__(self, name):
+        if name == "limit":
+            sys.exit(0)
+        return object.__getattribute__(self, name)
+    """
+    law = textwrap.dedent(LAW).replace("class Exits(ContactLaw):", f"class Exits(ContactLaw):{attribute}")
+    monkeypatch.setattr(f"{__name__}.LAW", law)
+    done, out = run("nowhere", "pass")
+    assert done.exit_code == 2
+    assert "law.py, line" in done.stderr
+    assert "in __getattribute__: SystemExit: 0" in done.stderr
     assert "Traceback" not in done.output
     assert not (out / "result.h5").exists()
 
