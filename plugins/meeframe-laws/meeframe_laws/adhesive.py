@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, final
 
 import numpy as np
@@ -128,21 +129,25 @@ class DMTCoulomb(ContactLaw):
     def __post_init__(self) -> None:
         check_quantities(self)
 
+    @cached_property
+    def _coulomb(self) -> IsotropicCoulomb:
+        return IsotropicCoulomb(self.mu)
+
     def project(self, trial: Array) -> Array:
         """Return the radial return to the disc of radius mu (|p_nu| + p_adh) where p_nu < 0, (n, 3) [Pa]."""
         in_contact = trial[:, 2] < 0.0
-        traction = IsotropicCoulomb(self.mu).project(self._with_adhesion(trial))
+        traction = self._coulomb.project(self._with_adhesion(trial))
         traction[:, 2] = trial[:, 2]
         traction[~in_contact] = 0.0
         return traction
 
     def tangential_scaling(self) -> Array:
         """Return the scaling of isotropic Coulomb friction, (2, 2)."""
-        return IsotropicCoulomb(self.mu).tangential_scaling()
+        return self._coulomb.tangential_scaling()
 
     def tangent(self, trial: Array) -> Array:
         """Return the derivative of the radial return, (n, 3, 3), zero without contact."""
-        tangent = IsotropicCoulomb(self.mu).tangent(self._with_adhesion(trial))
+        tangent = self._coulomb.tangent(self._with_adhesion(trial))
         tangent[~(trial[:, 2] < 0.0)] = 0.0
         return tangent
 

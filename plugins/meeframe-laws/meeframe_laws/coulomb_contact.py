@@ -1,6 +1,7 @@
 """Isotropic Coulomb friction on the contact traction, a base class of the normal laws of the interface."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated
 
 from meeframe.plugin import Array, ContactLaw, IsotropicCoulomb, Quantity, check_quantities
@@ -27,14 +28,19 @@ class CoulombContact(ContactLaw):
     def __post_init__(self) -> None:
         check_quantities(self)
 
+    @cached_property
+    def _coulomb(self) -> IsotropicCoulomb:
+        """The law of friction, whose creation takes longer than its evaluation at some hundred nodes."""
+        return IsotropicCoulomb(self.mu)
+
     def project(self, trial: Array) -> Array:
         """Return the traction of isotropic Coulomb friction, (n, 3) [Pa]."""
-        return IsotropicCoulomb(self.mu).project(trial)
+        return self._coulomb.project(trial)
 
     def tangential_scaling(self) -> Array:
         """Return the scaling of isotropic Coulomb friction, (2, 2)."""
-        return IsotropicCoulomb(self.mu).tangential_scaling()
+        return self._coulomb.tangential_scaling()
 
     def tangent(self, trial: Array) -> Array:
         """Return the derivative of isotropic Coulomb friction, (n, 3, 3)."""
-        return IsotropicCoulomb(self.mu).tangent(trial)
+        return self._coulomb.tangent(trial)
