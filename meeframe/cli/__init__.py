@@ -37,15 +37,16 @@ def _ignore(_: object) -> None:
 def main() -> None:
     """Run the command line.
 
-    This is the entry point of the console script. The process is to end afterwards: it ignores further signals.
+    This is the entry point of the console script. After an interruption the process is to end: it ignores further
+    signals.
     """
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
         _prepare_output()
         _run()
     except SystemExit as ended:
-        _ignore_signals()
         if ended.code == console.INTERRUPTED:
+            _ignore_signals()
             sys.unraisablehook = _ignore  # files that two interruptions left half open cannot be closed properly
             if isinstance(getattr(ended.__context__, "__cause__", None), KeyboardInterrupt):
                 print("interrupted", file=sys.stderr)  # before the command, or again while it reported the first
@@ -63,6 +64,8 @@ def main() -> None:
         print("error: the standard output cannot be written: no space is left on its device", file=sys.stderr)
         sys.exit(console.BAD_INPUT)
     finally:
+        if signal.getsignal(signal.SIGTERM) is signal.default_int_handler:
+            signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
         gc.freeze()  # saves the garbage collection of a third of a second at exit
 
 
@@ -102,7 +105,7 @@ def _prepare_output() -> None:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115  # until the process ends
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # titles may have characters that its encoding lacks
-    if sys.stderr is not None:
+    if sys.stderr is not None and not isinstance(sys.stderr, _Messages):
         sys.stderr = _Messages(sys.stderr)
 
 
