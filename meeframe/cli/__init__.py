@@ -2,6 +2,15 @@
 
 import sys
 
+
+def _ignore_signals() -> None:
+    """Ignore interruptions while Python ends: its status and its message are settled."""
+    import signal  # which may have been interrupted below
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+
+
 try:  # before anything that takes time
     import signal
     import threading
@@ -20,10 +29,7 @@ try:  # before anything that takes time
     if _is_main:
         signal.signal(signal.SIGTERM, _before or signal.SIG_DFL)  # None: set by other than Python code
 except KeyboardInterrupt:  # while modules are imported
-    import signal
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    _ignore_signals()
     print("interrupted", file=sys.stderr)
     sys.exit(130)
 
@@ -67,12 +73,6 @@ def main() -> None:
         if signal.getsignal(signal.SIGTERM) is signal.default_int_handler:
             signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
         gc.freeze()  # saves the garbage collection of a third of a second at exit
-
-
-def _ignore_signals() -> None:
-    """Ignore interruptions while Python ends: its status and its message are settled."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)
 
 
 class _Messages:

@@ -14,7 +14,7 @@ from meeframe.common.files import check_file
 MAX_COMPRESSION: Final = 32
 """Largest ratio of the size of a large array and of its stored size; that of measured heights and of meshes is less."""
 MAX_DEFLATE: Final = 1100
-"""The same ratio for fields that are zero nearly everywhere; deflate attains 1032."""
+"""Largest such ratio in results, whose fields may be zero nearly everywhere; deflate attains 1032."""
 _DOUBLE: Final = 8
 """Size [bytes] of the numbers that arrays become."""
 _HEAP: Final = b"GCOL\1\0\0\0"

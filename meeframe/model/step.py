@@ -201,10 +201,9 @@ def check_pull(step: Step, law: ContactLaw) -> None:
 
 def check_size(step: Step, points: Array) -> None:
     """Raise TableError if a motion exceeds the contact zone, of nodes (n, 3), beyond anything physical."""
-    width = float(np.ptp(extreme_points(points), axis=0).max())
+    width, units = float(np.ptp(extreme_points(points), axis=0).max()), IndenterMotions().units
     for key in RIGID_MOTIONS:
-        value = step.prescribed.get(key, np.zeros(1))
-        unit = IndenterMotions().units[key]
+        value, unit = step.prescribed.get(key, np.zeros(1)), units[key]
         limit = _MAX_MOTION * (width if unit == "m" else 1.0)
         if largest(value) > limit:
             of_width = f", {_MAX_MOTION:g} times the width of the contact zone" if unit == "m" else ""
