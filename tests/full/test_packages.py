@@ -122,12 +122,12 @@ def check_doctor(run_installed):
 def check_new_plugin(run_installed, kind):
     """Check that a new plugin installs beside meeframe from a wheel, is listed, and passes its tests of conformance.
 
-    The tests of its example, which compile the kernels of several solvers, are run by the tests of `new-plugin`.
+    Its example, which compiles the kernels of boundary elements and of several solvers, is solved by the tests of
+    `new-plugin`.
     """
     run_installed("meeframe", "new-plugin", kind, f"new-{kind}")
     package = run_installed.folder / f"meeframe-new-{kind}"
     run_installed("python", "-m", "pip", "--quiet", "--disable-pip-version-check", "install", f"{package}[test]")
     assert f"new-{kind}" in run_installed("meeframe", "plugins")
-    assert "ok" in run_installed("meeframe", "check", package / "example.toml")
     module = f"test_meeframe_new_{kind.replace('-', '_')}.py"
     assert " passed" in run_installed("python", "-m", "pytest", "-q", package / "tests" / module)

@@ -142,6 +142,7 @@ def fluxes(tmp_path, coupling):
     return np.array([totals.charge, totals.magnetic_flux]), totals.normal_force
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("missing", [1e-3, 1e-6, 1e-7, 1e-8, 1e-9, 1e-12])
 def test_nearly_inadmissible_coupling(tmp_path, missing):
     """With lambda^2 = eps mu (1 - missing)^2 the energy of the potentials nearly vanishes for one ratio of them.

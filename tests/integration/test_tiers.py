@@ -34,6 +34,7 @@ def run(tmp_path):
     return command
 
 
+@pytest.mark.full
 def test_full_tier_runs_on_request_only(run):
     short, everything = run("-n", "1"), run("--full")
     assert "3 passed" in short

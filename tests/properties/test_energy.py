@@ -116,5 +116,6 @@ def test_action_and_reaction_balance_up_to_discretisation() -> None:
     assert (fine < [0.005, 0.04, 0.04]).all()
 
 
+@pytest.mark.full
 def test_action_and_reaction_balance_better_on_quadratic_elements() -> None:
     assert (imbalance(Quad8(), 4, 3, 2) < [0.01, 0.005, 0.005]).all()

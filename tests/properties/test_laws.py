@@ -116,7 +116,7 @@ class WrongAcrossGap(ConductivityLaw):
         return kappa
 
 
-@pytest.mark.full(except_for=5)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
@@ -139,7 +139,7 @@ def test_wrong_conductivities_are_detected(fault: str, message: str) -> None:
         check_conductivity_law(WrongConductivity(fault))
 
 
-@pytest.mark.full(except_for=5)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     ("fault", "message"),
     [

@@ -373,6 +373,7 @@ def cleared(path: Array, duration: float | None) -> Array:
     return path
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize(
     ("law", "message"),
     [

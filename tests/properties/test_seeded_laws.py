@@ -312,6 +312,7 @@ def test_wrong_laws_are_detected(law: ContactLaw, message: str) -> None:
         check_contact_law(law)
 
 
+@pytest.mark.full
 def test_optional_properties_are_separate_checks() -> None:
     for law in (SWAPPED, TURNED_BACK, UNTURNED, WithAThreshold()):
         check_contact_law(law)

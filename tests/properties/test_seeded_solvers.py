@@ -429,6 +429,7 @@ def test_wrong_solvers_are_detected(solver: Solver, message: str) -> None:
         check_solver(solver, LIMITS)
 
 
+@pytest.mark.full
 def test_a_step_with_a_unit_is_detected() -> None:
     with pytest.raises(AssertionError, match=r"^insulated: in other units: "):
         check_solver(Uzawa(2.5e13, 2.5e13))

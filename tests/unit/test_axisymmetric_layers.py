@@ -73,6 +73,7 @@ def test_punch_on_a_slightly_different_layer(xi):
     assert (1.0 - nu) * by_nu == pytest.approx(-(1.0 - i1), rel=1e-6)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.499])
 def test_thick_layer_on_a_rigid_base(nu):
     """The series of P / P_Hertz in sqrt(R g) / h, with coefficients integrated from the closed form of Y_33."""
@@ -108,6 +109,7 @@ def test_thin_film_on_a_grounded_base(conducting):
         assert contact.centre[1] == pytest.approx(-0.988 * e / eps * approach, rel=1e-3)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("incompressible", [False, True])
 def test_thin_elastic_layer_under_a_sphere(incompressible):
     """A thin bonded layer is a bed of columns, or squeezed like a film of fluid if it is incompressible.
@@ -132,6 +134,7 @@ def test_thin_elastic_layer_under_a_sphere(incompressible):
     assert radius < 0.6 * coarse_radius  # first order
 
 
+@pytest.mark.full
 def test_thin_piezoelectric_film_on_an_elastic_substrate():
     """The stroke of a punch per voltage at a given force has a limit that does not depend on the thickness.
 

@@ -97,7 +97,7 @@ def test_fluxes_integrate_to_totals(
         assert integral == pytest.approx(total, rel=1e-7)
 
 
-@pytest.mark.full(except_for=5)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("shape", SHAPES.values(), ids=SHAPES)
 @pytest.mark.parametrize("potentials", POTENTIALS)
 def test_surface_fields_are_potentials_of_the_fluxes(

@@ -54,7 +54,7 @@ def test_kit_detects_undeclared_edge_resolution():
         check_edges(HalfSpace(), system)
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

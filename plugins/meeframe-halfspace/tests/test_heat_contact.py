@@ -313,7 +313,7 @@ def test_constriction_resistance(biot: float, share: float) -> None:
     assert heat / (4.0 * A * CONDUCTIVITY) == pytest.approx(share, rel=4e-3)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     "law", [StepConductivity(2e5), PowerLaw(2e5, 1e9), Robin(1e5)], ids=["constant", "of pressure", "everywhere"]
 )

@@ -56,6 +56,7 @@ def found(sliding):
     return meeframe.interfaces(sliding, step="last")
 
 
+@pytest.mark.full
 def test_layers_of_one_material(sliding, found):
     """Behind a slider the interface is in tension; point loads give the same values, and none that are larger."""
     x = np.linspace(-2.0 * UM, 2.0 * UM, 31)
@@ -79,6 +80,7 @@ def test_table_of_interfaces(found):
     assert names == ["tension", "shear", "tension", "shear"]
 
 
+@pytest.mark.full
 def test_two_bodies_have_the_same_tractions():
     """Each of two equal bodies deforms by half; the interfaces of the second one lie above the contact."""
     second = meeframe.SecondBody(

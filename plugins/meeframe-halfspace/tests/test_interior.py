@@ -183,6 +183,7 @@ def test_points_in_any_order_and_on_grids():
         np.testing.assert_allclose(computed, expected[order], atol=1e-6 * np.abs(expected).max())
 
 
+@pytest.mark.full
 def test_composed_systems_forward_interior_fields():
     """Rotated frames, stored matrices and two bodies give the same fields; coarser grids and restrictions have none."""
     system = half_space(COUPLED, (9, 9), 0.1)

@@ -295,7 +295,7 @@ CONDUCTING = {name: meeframe.StepConductivity(float("inf")) for name in ("electr
 GLASS_FILM = (meeframe.Layer("pzt-4", UM, interface=meeframe.Interface(electrode="grounded")),)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("layers", "stack", "substrate", "conducting"),
     [

@@ -465,7 +465,7 @@ def test_rough_slider_has_the_limit_of_friction() -> None:
     assert numbers["friction_work"] == pytest.approx(6.0, rel=0.02)
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_steady_state_repeats_from_cell_to_cell(variant: str) -> None:
     """Transient increments, which are solved with another operator, leave the steady state as it is."""

@@ -44,6 +44,7 @@ def lines(zone, values):
     return zone.points[order[: shape[1]], 1], np.asarray(values)[order].reshape(shape)
 
 
+@pytest.mark.full
 def test_groove_of_a_slider():
     """A slider wears k times the integral of the pressure along its way, which is that of Hertz on each line.
 
@@ -147,6 +148,7 @@ def test_deep_scar_of_a_roller():
     assert step.loading.rolling.cycles == pytest.approx(cycles)
 
 
+@pytest.mark.full
 def test_run_continues_with_worn_profiles(tmp_path):
     rolls = {"steady": True, "creepage": [0.1, 0.0], "cycles": 5.0}
     steps, arguments = [PRESS, meeframe.Step(rolling=rolls), meeframe.Step(rolling=rolls)], (2.6 * HERTZ, 8)

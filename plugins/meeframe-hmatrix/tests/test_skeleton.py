@@ -17,7 +17,7 @@ def test_samples_are_dense_close_to_the_box():
     assert sorted(farthest_points(points[:5], np.zeros(3), np.ones(3) / 2, 60)) == [0, 1, 2, 3, 4]
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("n", "decay"), [(100, 0.8), (600, 0.8), (600, 0.97)], ids=["all", "summed", "summed anew"])
 @pytest.mark.parametrize(
     ("tolerance", "number"), [(1e-3, np.float32), (SINGLE_PRECISION_TOLERANCE, np.float32), (1e-6, np.float64)]

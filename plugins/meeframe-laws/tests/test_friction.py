@@ -84,7 +84,7 @@ def test_isotropic(name):
     check_isotropic(LAWS[name])
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("law", [Tresca(3e5), CappedCoulomb(0.4, 3e5), *SUPERELLIPTIC], ids=repr)
 def test_associated(law):
     check_associated(law)

@@ -142,6 +142,7 @@ def test_contact_at_zone_boundary_causes_a_warning(case_file, tmp_path):
     assert "warning: the contact reaches the boundary of its zone and is cut off there" in err
 
 
+@pytest.mark.full
 def test_figures_of_any_increment_in_any_format(case_file, tmp_path):
     case_file.write_text(case_file.read_text() + "\n[output]\nfigures = false\n")
     assert meeframe_command("run", case_file, "--out", tmp_path / "out")[0] == 0

@@ -66,6 +66,7 @@ def numbers(folder):
     return json.loads((folder / "compare.json").read_text(encoding="utf-8"))["runs"]
 
 
+@pytest.mark.full
 def test_combinations_have_the_numbers_of_single_runs(dragged, tmp_path, reductions):
     laws = ["--contact-law", "signorini", "--contact-law", "isotropic-coulomb", "--contact-law", COULOMB]
     solvers = ["--solver", "uzawa", "--solver", "newton"]
@@ -107,6 +108,7 @@ def test_combinations_have_the_numbers_of_single_runs(dragged, tmp_path, reducti
     assert "meeframe verify" not in out, "one formulation"
 
 
+@pytest.mark.full
 def test_histories_are_compared_where_the_indenter_touches(write_case, laws, tmp_path):
     """Without --step, a history that ends without contact is compared at its peak load, any other one at its end."""
     loading = '\nincrements = 2\n[[steps]]\napproach = "5 um"\n'
@@ -458,6 +460,7 @@ def test_formulations_of_both_bodies_or_of_each(write_case, laws, tmp_path, seco
     np.testing.assert_allclose(np.array(forces) / forces[0], np.array([0.75, 1.0, 2.0, 0.5]) / 0.75, rtol=1e-9)
 
 
+@pytest.mark.full
 def test_formulation_without_a_name_is_the_default(write_case, laws, tmp_path):
     """The case file may begin with a byte order mark."""
     file = write_case()

@@ -63,7 +63,7 @@ def test_a_reader_that_closes_its_pipe():
     assert (done.returncode, done.stderr) == (1, "")
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("command", ["--version", "--help", "doctor", "materials"])
 def test_a_full_or_closed_standard_output(command):
     """Python writes what is left in its buffer at the end."""
@@ -105,6 +105,7 @@ def test_a_reader_that_closes_its_pipe_during_a_run(tmp_path):
     assert str(meeframe.read_result(tmp_path / "out").status) == "converged"
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     "variables", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}]
 )
@@ -119,6 +120,7 @@ def test_titles_that_the_encoding_lacks(tmp_path, variables):
     assert done.stdout.startswith("Kugel auf B\\xf6den")
 
 
+@pytest.mark.full
 def test_an_unknown_threading_layer(tmp_path):
     path = tmp_path / "case.toml"
     path.write_text(HALF_SPACE + BARE, encoding="utf-8")

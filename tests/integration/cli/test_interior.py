@@ -118,6 +118,7 @@ def test_interior_of_a_run_on_a_section(run, tmp_path):
     np.testing.assert_allclose(from_folder.strain, np.swapaxes(from_folder.strain, 1, 2))
 
 
+@pytest.mark.full
 def test_picture_of_a_section(run):
     """The picture shows the values at the points of the plane, on axes in the unit of its labels."""
     section = PointGrid.along_global_axes(np.linspace(-5e-4, 5e-4, 5), 0.0, np.linspace(-1e-3, -1e-4, 4))
@@ -136,6 +137,7 @@ def test_picture_of_a_section(run):
     assert middle.max() * 1e6 / PRESSURE == pytest.approx(0.620, abs=0.02)
 
 
+@pytest.mark.full
 def test_progress_of_a_request(run):
     stages = []
     meeframe.interior(run / "out", progress=lambda stage, fraction: stages.append((stage, fraction)))
@@ -276,6 +278,7 @@ def test_formulation_without_interior_fields(write_case, registry):
         interior(system, np.zeros(system.offset.shape), np.array([[0.0, 0.0, -1e-3]]))
 
 
+@pytest.mark.full
 def test_example_of_the_page(tmp_path, monkeypatch, capsys):
     """The case and the Python code of docs/howto/interior.md run as printed and give Hertz's largest shear."""
     page = (Path(__file__).parents[3] / "docs" / "howto" / "interior.md").read_text(encoding="utf-8")

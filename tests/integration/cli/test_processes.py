@@ -41,6 +41,7 @@ def python(*arguments):
     return subprocess.run([sys.executable, *map(str, arguments)], capture_output=True, text=True, timeout=900)
 
 
+@pytest.mark.full
 def test_the_module_of_the_console_script_runs(case_file):
     done = python("-c", "from meeframe.cli import main; main()", "check", case_file)
     assert (done.returncode, done.stderr) == (0, "")

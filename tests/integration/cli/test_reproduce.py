@@ -109,6 +109,7 @@ def test_wrong_key_names_study_and_run(studies, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.full
 def test_runs_that_do_not_converge_are_named(studies, tmp_path):
     case = studies / "friction" / "emii.toml"
     case.write_text(case.read_text().replace('name = "auto"', 'name = "auto"\nmax_iterations = 1'))

@@ -302,7 +302,7 @@ MAIN = (
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("death", [signal.SIGKILL, signal.SIGTERM])
 def test_resumes_after_its_process_ends(study, tmp_path, log, release, death, monkeypatch):
     out, file, message = tmp_path / "out", study(LINE, free=FREE), tmp_path / "told"
     scratch = tmp_path / "scratch"

@@ -174,6 +174,7 @@ def test_prescribed_quantities_are_not_compared(write_case, registry, tmp_path):
     assert approach.limit.error < 5e-7
 
 
+@pytest.mark.full
 def test_last_step_or_every_step(write_case, registry, tmp_path):
     path = write_case(FINE, more='\n[[steps]]\napproach = "5 um"\nincrements = 2\n')
     last = verify_case(path, registry, tmp_path / "last")
@@ -256,6 +257,7 @@ def test_interrupted_verification_saves_its_results(write_case, registry, tmp_pa
     assert results["agreements"] == []
 
 
+@pytest.mark.full
 def test_reduced_systems_are_reused(write_case, registry, tmp_path):
     path = write_case(FINE)
     one, other = (verify_case(path, registry, tmp_path / name, cache=tmp_path / "cache") for name in "ab")

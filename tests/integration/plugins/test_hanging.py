@@ -160,6 +160,7 @@ def words(plugin, hook):
     return rf"plugin file {plugin}, line \d+, in {hook}: hangs, has not returned within 0\.5 s"
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("hook", HOOKS)
 def test_a_hook_that_hangs_is_a_fault_of_the_plugin(plugin, write, hook):
     with pytest.raises(meeframe.MeeframeError, match=words(plugin, hook)):
@@ -172,6 +173,7 @@ def test_hooks_that_wait_or_catch_everything(plugin, write, how):
         meeframe.solve_case(load_case(write(FRICTION % how), load(plugin)))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("handler", [signal.SIG_IGN, lambda *_: None])
 def test_without_an_interrupt_handler(plugin, write, handler):
     """Background jobs of a shell ignore Ctrl-C, and programs may handle it otherwise."""
@@ -237,6 +239,7 @@ def test_an_interruption_by_the_user_stays_one(plugin, write, tmp_path):
     thread.join()
 
 
+@pytest.mark.full
 def test_code_under_a_debugger_runs_after_a_fault(plugin, write):
     """An interruption that is still due would keep traced code from ever ending."""
     program = f"""

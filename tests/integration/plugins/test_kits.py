@@ -127,6 +127,7 @@ class NonlocalHeights(Indenter):
         return x**2 - (x**2).min() + y**2 * (1 + len(x))
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     ("indenter", "message"),
     [

@@ -40,6 +40,7 @@ def rows():
     return list(study.compare(study.QUICK))
 
 
+@pytest.mark.full
 @needs_siconos
 def test_siconos_agrees_in_every_regime(rows):
     assert {row.regime for row in rows} == {"full stick", "partial slip", "sliding"}

@@ -220,6 +220,7 @@ def test_finished_checks_survive_an_interruption(tmp_path):
 KILLED = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
 
 
+@pytest.mark.full
 def test_killed_validation_has_not_passed(tmp_path):
     cases, out = make_case(tmp_path / "cases", "a"), tmp_path / "out"
     make_case(cases, "b", more=KILLED)

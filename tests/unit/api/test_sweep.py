@@ -33,6 +33,7 @@ def test_points_match_separate_cases():
     assert not [name for name in sweep.variables if "magnetic" in name or "conductance" in name]
 
 
+@pytest.mark.full
 def test_points_are_stored_in_a_folder(tmp_path):
     axes = {"contact.law.mu": [0.1]}
     first = meeframe.sweep(CASE, axes, tmp_path / "out")
@@ -44,6 +45,7 @@ def test_points_are_stored_in_a_folder(tmp_path):
     assert (point / "result.h5").stat().st_mtime_ns == written
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("keep", [True, False])
 def test_interruption_returns_the_finished_points(tmp_path, keep):
     """The dataset of the finished points is in the error and in the folder, from which the sweep continues."""

@@ -152,7 +152,7 @@ def solve_steps(bed, frictional, *steps, poisson=0.3, cells=24, **changes):
     return [step.message for step in path.steps if step.increment == path.case.steps[step.step - 1].increments], path
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("steps", "poisson", "changes", "reported"),
     [

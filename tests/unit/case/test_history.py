@@ -180,6 +180,7 @@ def test_dissipation_of_a_stroke_does_not_depend_on_increments(bed, frictional):
     assert computed == pytest.approx([0.3 * 1.5e3 * 4e-5 - elastic] * 2, rel=3e-4)
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("seed", range(4))
 def test_dissipation_is_never_negative(bed, frictional, system, seed):
     """The indenter moves along random paths, by motions and by forces, always with some contact."""

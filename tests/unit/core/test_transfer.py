@@ -146,6 +146,7 @@ def finer() -> DenseSystem:
     return replace(system, offset=offset)
 
 
+@pytest.mark.full
 def test_reactions_balance_to_round_off(steel: DenseSystem, finer: DenseSystem) -> None:
     """Forces, charge, magnetic flux, and the moments of the load about all axes through the origin balance."""
     both = combine_bodies(steel, finer)
@@ -226,6 +227,7 @@ def column(modulus: float, divisions: int, element: SurfaceElement) -> DenseSyst
     return system
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     ("first", "second"),
     [
@@ -271,6 +273,7 @@ def test_hertz_with_different_divisions(divisions: int, element: SurfaceElement,
     np.testing.assert_allclose(reaction * TURN, -force, atol=1e-13 * abs(force[2]))
 
 
+@pytest.mark.full
 def test_curved_zones() -> None:
     """On flat and on slightly curved zones, forces balance in global axes and results hardly differ."""
     flat, second = half_space(STEEL, 8, Quad4()), half_space(GLASS, 9, Quad4())

@@ -86,6 +86,7 @@ def half_space_by_elements(material: Material) -> DenseSystem:
     return system
 
 
+@pytest.mark.full
 def test_equal_elastic_bodies_by_boundary_elements(steel: DenseSystem) -> None:
     """Hertz with half of E*. Equal bodies do not slip, so friction has no effect; under a rigid sphere there is
     slip."""
@@ -130,6 +131,7 @@ def test_fields_of_both_bodies(steel: DenseSystem) -> None:
 # potentials
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("condition", list(CONDITIONS))
 def test_mirror_images_have_no_jump_of_the_potentials(condition: str) -> None:
     """Bodies poled towards the interface exchange no flux, and P is half of that under an insulating rigid sphere."""

@@ -191,7 +191,7 @@ def compliance(n: int) -> Array:
     return np.linalg.inv(np.array(moduli))
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("size", "divisions", "tolerance"),
     [

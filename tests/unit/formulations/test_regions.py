@@ -257,6 +257,7 @@ def test_meshes_of_regions(element):
         np.testing.assert_allclose(nodes[:, 2], -depth)
 
 
+@pytest.mark.full
 def test_layers_of_a_half_space_are_a_box_on_the_base():
     """Values vanish at its sides and base, as in finite elements."""
     layers = (Layer(FILM, 0.2),)

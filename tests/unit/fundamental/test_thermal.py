@@ -275,6 +275,7 @@ def test_sums_over_plane_pieces_are_those_of_points(kernel, random):
     np.testing.assert_array_equal(kernel.weakly_singular(), [30, 31, 32, 33, 34])
 
 
+@pytest.mark.full
 def test_table_is_refined_or_refused(constants, random):
     strong = np.diag([1.0, 1.0, 2.0]) / 2.0
     source = HeatSource.of(constants.coupled, constants.moduli, strong)

@@ -190,6 +190,7 @@ def test_projection_onto_cones_is_the_nearest_point():
     assert (np.einsum("nk,npk->np", points - computed, others - computed[:, None]) < 1e-12).all()
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.3), IsotropicCoulomb(0.8)], ids=str)
 def test_gauss_seidel_on_the_file_agrees(law, tmp_path):
     problem = pressed_sphere(law)
@@ -225,6 +226,7 @@ def test_nodes_without_indenter_are_excluded():
     assert differ(by_gauss_seidel(local), ours.r) < 1e-8
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("kappa", [(np.inf, 0.0), (0.0, 0.5), (2.0, np.inf)])
 def test_potentials_are_eliminated_with_the_resistances_of_the_state(kappa):
     system = coupled_system()

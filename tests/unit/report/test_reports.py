@@ -341,6 +341,7 @@ def test_history_of_several_increments(synthetic):
     assert all(tick == int(tick) for tick in energy.get_xticks())
 
 
+@pytest.mark.full
 def test_history_omits_inactive_directions(synthetic):
     """Motion and force along e1 only; with motion or force along e2, that direction has a curve, too."""
 

@@ -46,7 +46,7 @@ def conducting(condition: str) -> tuple[ContactProblem, ContactState]:
     return problem, balanced_solution(problem, Uzawa()).state
 
 
-@pytest.mark.full(except_for=4)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("prescribed", [("approach",), ("potentials",), ("approach", "potentials")], ids="-".join)
 @pytest.mark.parametrize("condition", KAPPA)
 def test_resultants_recover_the_motions(condition, prescribed) -> None:
@@ -70,6 +70,7 @@ def test_totals_are_measured_by_the_fluxes_of_a_poor_conductor(kappa) -> None:
         assert 0.1 * conducted < unit < 10.0 * conducted
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("solver", [BarzilaiBorwein(), SemismoothNewton()], ids=str)
 @pytest.mark.parametrize("potential", [2e4, -1.5e4, None])
 def test_floating_conductor_matches_closed_form(solver, potential) -> None:
@@ -87,7 +88,7 @@ def test_floating_conductor_matches_closed_form(solver, potential) -> None:
     assert motion[1] == pytest.approx(potential, rel=0.03)
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("condition", KAPPA)
 @pytest.mark.parametrize("charges", [(0.0, 0.0), (1e-7, -2e-7)], ids=["uncharged", "charged"])
 def test_floating_conductor_equals_prescribed_potential(condition, charges) -> None:
@@ -164,7 +165,7 @@ def test_floating_potential_is_unchanged_without_conduction(solver) -> None:
     assert solve(charged, solver, StoppingCriteria(max_iterations=200), start).status is not Status.CONVERGED
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", GRADIENT, ids=str)
 def test_matrix_free_systems(solver) -> None:
     problem = conducting_sphere(IsotropicCoulomb(MU), KAPPA["finite"], cells=6)

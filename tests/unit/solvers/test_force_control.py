@@ -222,6 +222,7 @@ def test_infeasible_resultants_do_not_converge(solver, name) -> None:
         assert np.hypot(force[0], force[1]) <= -MU * force[2] * (1.0 + 1e-9)
 
 
+@pytest.mark.full
 def test_forces_cost_no_more_iterations_than_motions() -> None:
     problem = conducting_sphere(IsotropicCoulomb(MU), drag=0.4)
     expected = balanced_solution(problem, Uzawa()).state

@@ -78,7 +78,7 @@ def test_force_just_below_friction_limit_converges(solver, share):
     np.testing.assert_allclose(problem.system.weights @ solution.state.load[:, 0], share * MU * force, rtol=1e-8)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", SOLVERS, ids=str)
 @pytest.mark.parametrize("direction", [0.3, 1.2])
 def test_orthotropic_friction_ellipse(solver, direction):

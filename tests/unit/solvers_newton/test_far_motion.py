@@ -28,7 +28,7 @@ def sliding(cells, approach, ratio, translation=0.0):
     return ContactProblem(system, law, flux_channels(Insulating(), Insulating()), gap, slid, np.zeros((n, 2)), free)
 
 
-@pytest.mark.full(except_for=9)
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("solver", [SemismoothNewton(), Auto()])
 @pytest.mark.parametrize(
     ("cells", "pressed", "touching", "share"),

@@ -43,6 +43,7 @@ def test_direction_of_a_force(force) -> None:
     assert not is_feasible(Signorini(), (PRESS, force), (X, 0.01 * force))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("angle", [0.0, 0.7, 2.0])
 def test_friction_ellipse(angle) -> None:
     law = OrthotropicCoulomb(0.2, 0.7, angle)

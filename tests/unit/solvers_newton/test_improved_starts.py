@@ -188,6 +188,7 @@ def _disturbed(state: ResidualState, at: Callable[..., ResidualState], problem: 
     return at(problem, load, state.contact_fraction)
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     ("law", "flux", "changes"),
     [

@@ -54,6 +54,7 @@ def test_no_solver_converges_without_a_solution(sphere, solver, material, drag) 
     assert solution.residual > 1e-3
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 @pytest.mark.parametrize(("material", "drag"), [("transverse", 2.0), ("orthotropic", 1.0)])
 def test_all_solvers_find_a_unique_solution(sphere, solver, material, drag) -> None:

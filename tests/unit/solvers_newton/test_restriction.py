@@ -101,7 +101,7 @@ def prescribed_resultants(system: ReducedSystem, force: float) -> tuple[Prescrib
     return tuple(computed)
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     "given",
     [
@@ -139,6 +139,7 @@ def halve_restrictions(problem: ContactProblem, contact: Mask) -> ContactNeighbo
     return contact_neighbourhood(problem, contact & (problem.system.points[:, 0] > 0.05 * WIDTH))
 
 
+@pytest.mark.full
 def test_contact_outside_the_restriction_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = sphere(half_space(), (0.05, -0.1))
     with monkeypatch.context() as given:
@@ -186,6 +187,7 @@ def test_failed_step_leads_to_the_whole_zone(monkeypatch: pytest.MonkeyPatch) ->
     check_same(computed, solutions(problem, monkeypatch)[1])
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("before", "after"), [((0.05, -0.1), (0.08, -0.1)), ((0.4, 0.4), (-0.4, -0.4))])
 def test_earlier_solutions_have_no_influence(
     before: tuple[float, float], after: tuple[float, float], monkeypatch: pytest.MonkeyPatch

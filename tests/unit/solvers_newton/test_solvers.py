@@ -95,7 +95,7 @@ def test_solvers_agree_at_finite_conductivity(sphere, kappa) -> None:
     assert_agree(sphere("orthotropic", Signorini(), (kappa, kappa), cells=12), FRICTIONAL)
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("exponent", [0.5, 0.95, 2.0])
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(0.6)], ids=str)
 def test_solvers_agree_where_conductivity_grows_with_pressure(sphere, growing, law, exponent) -> None:
@@ -127,7 +127,7 @@ def test_every_solver_finds_the_biactive_nodes(sphere, law) -> None:
         np.testing.assert_allclose(solution.state.contact_fraction, contact_fraction, atol=1e-6)
 
 
-@pytest.mark.full(except_for=5)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("solver", ALL, ids=name)
 @pytest.mark.parametrize("scale", [1e-9, 1e9])
 def test_solutions_do_not_depend_on_units(sphere, solver, scale) -> None:

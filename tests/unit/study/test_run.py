@@ -81,6 +81,7 @@ def test_increments_read_from_the_folder_give_the_same_files(case, tmp_path, fie
             assert ("boundary" in file["steps/0002"]) == (fields is None)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("law", "draws"), [(Signorini(), True), (IsotropicCoulomb(0.3), False)], ids=["slips restored", "slips stored"]
 )
@@ -279,6 +280,7 @@ def test_unknown_fields_are_rejected(write_case, registry):
         Output(fields=("slips",))
 
 
+@pytest.mark.full
 def test_figures_of_the_increment_chosen_in_output(write_case, registry, tmp_path):
     """The figures equal those drawn later for the same increment, and differ from those of other increments."""
     out = tmp_path / "out"

@@ -160,6 +160,7 @@ def test_finished_points_are_reused_and_failed_ones_repeated(tmp_path):
         assert read_outcome(tmp_path / "refused") is None, "a damaged file is none"
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("seen", [True, False])
 def test_dense_system_is_sent_to_workers(point, tmp_path, seen):
     """`seen` tells whether the worker can access the folder of systems; if not, the system itself is sent."""
