@@ -37,7 +37,8 @@ class OddHarmonics:
         function : callable
             Function of unit vectors (n, 3) with k values (n, k).
         tolerance : float
-            Size of the gradient of the last third of all degrees, relative to that of all.
+            Size of the gradient of the last third of all degrees, relative to that of all. Degrees beyond the last one
+            whose gradient exceeds a tenth of it are dropped.
 
         Raises
         ------
@@ -56,7 +57,8 @@ class OddHarmonics:
             cosines, sines = cosines * factors[:, None], sines * factors[:, None]
             slopes = np.sqrt((cosines**2 + sines**2).sum(axis=(0, 2))) * np.arange(degree + 1)
             if slopes[-(degree // 3) :].max() <= tolerance * slopes.max():
-                return cls(cosines, sines)
+                needed = np.flatnonzero(slopes > 0.1 * tolerance * slopes.max()).max(initial=1) + 1
+                return cls(*(np.ascontiguousarray(each[:needed, :needed]) for each in (cosines, sines)))
             if degree >= MAX_DEGREE:
                 raise MaterialError(
                     f"the response to a heat source needs spherical harmonics beyond degree {MAX_DEGREE}: the material "

@@ -264,6 +264,12 @@ def test_harmonics_integrate_over_half_spheres():
         assert value == pytest.approx(exact, abs=1e-9)
 
 
+def test_harmonics_end_with_the_last_degree_that_matters():
+    """A cubic function needs degrees up to three, though more are examined."""
+    harmonics = OddHarmonics.half_sphere_integrals(lambda z: z[:, :1] * z[:, 1:2] * z[:, 2:], 1e-10)
+    assert harmonics.cosines.shape == harmonics.sines.shape == (4, 4, 1)
+
+
 def test_sums_over_plane_pieces_are_those_of_points(kernel, random):
     offset, weights = random.normal(size=(60, 3)), random.normal(size=(60, 4))
     starts, normals = np.array([0, 20, 25, 60]), unit_vectors(random, 3)
