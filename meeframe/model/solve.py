@@ -10,6 +10,7 @@ from typing import Final
 import numba
 import numpy as np
 
+from meeframe.common.blas import ONE_BLAS_THREAD
 from meeframe.common.errors import TooLargeError
 from meeframe.common.memory import release_freed_memory
 from meeframe.contact.conduction import conducting
@@ -210,7 +211,8 @@ def solve_steps(
             controls = ramp(before, begin, prescribed, increment / step.increments)
             share = partial(_share, clock, count, case.n_increments)
             share("contact", 0.0)
-            with faults_of_plugins():
+            # one thread of BLAS: products with another number of threads round differently, and iterations amplify that
+            with faults_of_plugins(), ONE_BLAS_THREAD:
                 numbers = number, increment
                 subincrement = _Subincrement(kinematics, step, prescribed, before, begin, numbers, last, rolling, share)
                 if rolling is not None and rolling.is_steady:

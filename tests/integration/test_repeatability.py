@@ -1,9 +1,9 @@
-"""Results are the same, bit for bit, in processes with as many threads, and nearly so with other numbers of them;
-materials close to inadmissible."""
+"""Results are the same in other processes, and with other numbers of threads; materials close to inadmissible."""
 
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +16,6 @@ CONTACT = """
 indenter = { name = "sphere", radius = "100 mm", electric_potential = "1 kV" }
 conductivity = { electric = { name = "step", kappa = 1e-5 } }
 contact = { law = { name = "orthotropic-coulomb", mu1 = 0.2, mu2 = 0.4 } }
-solver = { tolerance = 1e-12 }
 steps = [{ approach = "20 um", increments = 2 }, { translation = ["1 um", "2 um"] }]
 """
 BLOCK = """
@@ -32,6 +31,7 @@ formulation = { name = "half-space" }
 """
 CASES = {
     "half-space": HALF_SPACE,
+    "resolved edges": HALF_SPACE.replace('"half-space" }\n', '"half-space", edges = "resolved" }\n'),
     "hmatrix-bem": BLOCK.replace("FORMULATION", "hmatrix-bem").replace("DIVISIONS", "6"),  # the fewest with a hierarchy
     **{name: BLOCK.replace("FORMULATION", name).replace("DIVISIONS", "5") for name in ("dense-bem", "skfem")},
 }
@@ -67,9 +67,16 @@ def test_totals_of_results_that_are_read(tmp_path):
             np.testing.assert_array_equal(getattr(again, name), getattr(totals, name), err_msg=name)
 
 
+ROUNDED = "dense-bem", "skfem"
+"""Cases whose compliance is computed by libraries that round differently with other numbers of threads."""
+
+
 @pytest.mark.full
 def test_processes_and_threads(tmp_path):
-    """Hashes of texts, and so the orders of sets, differ between the processes."""
+    """Results are equal bit for bit, or within 1e-10 where the compliance differs by round-off.
+
+    Hashes of texts, and so the orders of sets, differ between the processes.
+    """
     paths = []
     for name, text in CASES.items():
         paths.append(tmp_path / f"{name}.toml")
@@ -86,8 +93,9 @@ def test_processes_and_threads(tmp_path):
     assert len(one) == len(CASES) * 3 * 3
     for name, array in three.items():
         np.testing.assert_array_equal(again[name], array, err_msg=name)
+        allowed = 1e-10 if Path(name.partition(",")[0]).stem in ROUNDED else 0.0
         largest = np.abs(one[name]).max(axis=0)
-        assert (np.abs(array - one[name]).max(axis=0) <= 1e-10 * largest).all(), name
+        assert (np.abs(array - one[name]).max(axis=0) <= allowed * largest).all(), name
 
 
 MATERIAL = """
