@@ -40,6 +40,17 @@ class GridCells(Sequence[tuple[str, Indices]]):
         """Return the block, or a tuple with it for a slice."""
         return tuple(self)[index]
 
+    @property
+    def n_cells(self) -> int:
+        """Number of cells."""
+        return (self.shape[0] - 1) * (self.shape[1] - 1)
+
+    def nodes(self, cells: Indices) -> Indices:
+        """Return the nodes (e, 4) of cells (e,), counter-clockwise from above."""
+        row, column = np.divmod(cells, self.shape[1] - 1)
+        first = row * self.shape[1] + column
+        return np.stack([first, first + self.shape[1], first + self.shape[1] + 1, first + 1], axis=-1)
+
 
 @final
 @dataclass(frozen=True, eq=False)

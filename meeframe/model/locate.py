@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +63,8 @@ def locate_in_second_body(error: MeeframeError, table: SecondBodyTable, body: Bo
 
 
 def _locate(error: MeeframeError, table: CaseTable | SecondBodyTable, body: Body, checks: Iterator[Check]) -> Problem:
+    if isinstance(error, MeshError):  # other errors need no check of the mesh, which takes long on a large grid
+        checks = chain([(Problem(("mesh",), ""), partial(check_mesh, body.mesh))], checks)
     problem = _failed_check(error, table, body, checks)
     if isinstance(error, TableError):
         return error.problems[0].inside(*problem.location)
@@ -91,7 +94,6 @@ def _failed_check(
 def _body_checks(
     table: CaseTable | SecondBodyTable, body: Body, zone_key: tuple[str, ...], zone: str
 ) -> Iterator[Check]:
-    yield Problem(("mesh",), ""), partial(check_mesh, body.mesh)
     yield Problem(zone_key, "", zone), partial(check_contact_zone, body.mesh, zone)
     for number, boundary in enumerate(table.boundary):
         for group in boundary.group:

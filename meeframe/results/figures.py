@@ -212,25 +212,12 @@ def draw_map(axes: Any, result: Result, name: str, which: Which = None, title: s
     drawn = picture.shade(axes, values / factor, felt, vmax=values[felt].max() / factor or 1.0, **limits)
     axes.figure.colorbar(drawn, ax=axes, label=f"{field.label} [{unit}]")
     if step.touching.any() and not step.touching.all():
-        level = picture.values(_contact_edge(zone, step))
+        level = _contact_edge(zone, step)
         if of_contact and not (felt & ~step.touching).any():
-            clip_to_contact(axes, drawn, picture, step.touching, level)
-        across = picture.triangles_at(step.touching, ~step.touching)
-        axes.tricontour(across, level, [0.0], colors="#D55E00" if of_contact else "white", linewidths=1.2)
+            picture.clip(axes, drawn, level)
+        picture.outline(axes, level, "#D55E00" if of_contact else "white")
     if of_contact:
         _zoom(axes, picture, felt)
-
-
-def clip_to_contact(axes: Any, drawn: Any, picture: Picture, touching: NDArray[np.bool_], level: Array) -> None:
-    """Clip what is drawn at the contact edge.
-
-    touching: (n,) nodes in contact; level: at the points of the triangulation, zero at the contact edge and positive
-    inside.
-    """
-    region = axes.tricontourf(picture.triangles_at(touching), level, [0.0, 2.0 * level.max()])
-    (outline,) = region.get_paths()
-    region.remove()
-    drawn.set_clip_path(outline, axes.transData)
 
 
 def _field(name: str, step: StepResult) -> NodalField:
@@ -276,18 +263,17 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
     if not step.touching.any():
         _no_contact(axes, picture)
         return
-    contact = picture.triangles_at(step.touching)
-    slip = picture.values(_contact_edge(result.zone, step))
+    slip = _contact_edge(result.zone, step)
     # open nodes take the mean of their neighbours, so that sticking regions end at the contact edge or half way to slip
     sign = picture.extended(np.where(step.region == Region.STICK, 1.0, -1.0), step.touching)
-    shown = ((slip, "slip", totals.slip_area), (picture.values(sign), "stick", totals.stick_area))
+    shown = ((slip, "slip", totals.slip_area), (sign, "stick", totals.stick_area))
     factor, unit = prefixed_area(np.array([totals.slip_area, totals.stick_area]), "m²")
     for (level, name, area), colour in zip(shown, LINE_COLOURS, strict=False):
         label = f"{name}, {area / factor:.4g} {unit}"
         axes.fill([], [], color=colour, linewidth=0, linestyle="solid", label=label)  # dashes without width are errors
-        drawn = axes.tricontourf(contact, level, [0.0, 2.0 * _WEIGHT_BOUNDS[1]], colors=[colour])
+        drawn = picture.fill(axes, level, colour)
         if not step.touching.all():
-            clip_to_contact(axes, drawn, picture, step.touching, slip)
+            picture.clip(axes, drawn, slip)
     _zoom(axes, picture, step.touching)
     below, above = axes.get_ylim()
     axes.set_ylim(below, above + _LEGEND_STRIP * (above - below))

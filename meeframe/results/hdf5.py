@@ -77,8 +77,11 @@ def changed_file(path: Path, mode: str) -> Iterator[Any]:
         yield file
 
 
-def is_compressible(values: NDArray[Any]) -> bool:
-    """Return whether compression halves an array, from samples of it; it rarely does with numbers of many digits."""
+def is_compressible(values: Any) -> bool:
+    """Return whether compression halves an array, or one made when it is read, from samples of its rows.
+
+    It rarely does with numbers of many digits.
+    """
     if not values.nbytes:
         return False
     rows = np.linspace(0, len(values), _SAMPLES, endpoint=False).astype(np.int64)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -37,17 +38,16 @@ def lengths(zones: Iterable[Zone]) -> tuple[float, str]:
 class Picture:
     """Plane picture of a contact zone.
 
-    points: its nodes, (n, 2), in a unit of so many metres; axes: those of the picture in space, (2, 3); triangulation:
-    matplotlib's, of the nodes and then the centres of the quads; pixels: coordinates (nx,) and (ny,) of a grid along
-    the axes with more nodes than a figure has room for, which is drawn node by node in place of triangles.
+    points: its nodes, (n, 2), in a unit of so many metres; axes: those of the picture in space, (2, 3); cells: of the
+    zone; pixels: coordinates (nx,) and (ny,) of a grid along the axes with more nodes than a figure has room for, which
+    is drawn node by node in place of triangles.
     """
 
     points: Array
     factor: float
     unit: str
     axes: Array
-    triangulation: Any
-    quads: Indices
+    cells: Cells
     pixels: tuple[Array, Array] | None = None
 
     @classmethod
@@ -58,6 +58,21 @@ class Picture:
         unit, if not those that suit the zone. A zone without known cells is cut by Delaunay triangulation.
         """
         return _picture(zone, scale or lengths([zone]))
+
+    @cached_property
+    def quads(self) -> Indices:
+        """Nodes (q, 4) of the quads, each of which has a point of the triangulation at its centre."""
+        blocks = [nodes for name, nodes in self.cells if name == "quad"]
+        return np.concatenate(blocks) if blocks else np.empty((0, 4), np.int64)
+
+    @cached_property
+    def triangulation(self) -> Any:
+        """Triangulation of matplotlib, by the nodes and then the centres of the quads."""
+        from matplotlib.tri import Triangulation
+
+        flat = _with_centres(self.points, self.quads)
+        triangles = _triangles(self.cells, len(self.points)) if self.cells else None
+        return Triangulation(flat[:, 0], flat[:, 1], triangles)
 
     def around(self, chosen: NDArray[np.bool_]) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the limits along x and y of a square around these nodes (n,), half as large again.
@@ -74,15 +89,14 @@ class Picture:
         end = np.minimum((low + high) / 2 + half_width, self.points.max(axis=0))
         return (float(begin[0]), float(end[0])), (float(begin[1]), float(end[1]))
 
-    def values(self, nodal: Array) -> Array:
-        """Return the values at the points of the triangulation of values (n,) at the nodes of the zone."""
-        return _with_centres(nodal, self.quads)
-
     def extended(self, nodal: Array, inside: NDArray[np.bool_]) -> Array:
         """Return values (n,) with those outside replaced by the mean of the inner nodes of the same cells.
 
-        inside: (n,) nodes that keep their values. Nodes without such a neighbour become zero.
+        inside: (n,) nodes that keep their values. Nodes without such a neighbour become zero. Pixels need no such
+        values, because no colour fades between them.
         """
+        if self.pixels is not None:
+            return np.where(inside, nodal, 0.0)
         total, count = np.zeros(len(nodal)), np.zeros(len(nodal))
         flat = self.triangulation.triangles
         for cells in (flat[(flat < len(nodal)).all(axis=1)], self.quads):
@@ -100,19 +114,56 @@ class Picture:
         if self.pixels is not None:
             return self._image(axes, nodal if inside is None else np.where(inside, nodal, np.nan), **limits)
         flat = self.triangulation if inside is None else self.triangles_at(inside)
-        drawn = axes.tripcolor(flat, self.values(nodal), shading="gouraud", cmap=MAP_COLOURS, **limits)
+        drawn = axes.tripcolor(flat, self._values(nodal), shading="gouraud", cmap=MAP_COLOURS, **limits)
         drawn.set_in_layout(False)  # it ends with its axes; matplotlib would find its extent triangle by triangle
         return drawn
+
+    def outline(self, axes: Any, level: Array, colour: str) -> None:
+        """Draw the line between nodes of a positive and of a negative level (n,)."""
+        style: dict[str, Any] = {"levels": [0.0], "colors": colour, "linewidths": 1.2 if self.pixels is None else 0.4}
+        if self.pixels is not None:
+            axes.contour(*self.pixels, self._grid(level).T, **style)
+        else:
+            axes.tricontour(self.triangles_at(level > 0.0, level < 0.0), self._values(level), **style)
+
+    def fill(self, axes: Any, level: Array, colour: str) -> Any:
+        """Fill the region of a positive level (n,) with a colour."""
+        if self.pixels is not None:
+            from matplotlib.colors import ListedColormap
+
+            drawn = self._image(axes, np.where(level > 0.0, 1.0, np.nan))
+            drawn.set_cmap(ListedColormap([colour]))
+            return drawn
+        chosen = self.triangles_at(level > 0.0)
+        return axes.tricontourf(chosen, self._values(level), [0.0, max(2.0 * level.max(), 1.0)], colors=[colour])
+
+    def clip(self, axes: Any, drawn: Any, level: Array) -> None:
+        """Clip what is drawn to the region of a positive level (n,); pixels end there anyway."""
+        if self.pixels is not None:
+            return
+        region = self.fill(axes, level, "none")
+        (outline,) = region.get_paths()
+        region.remove()
+        drawn.set_clip_path(outline, axes.transData)
+
+    def _grid(self, nodal: Array) -> Array:
+        """Return values (n,) at the nodes as those of the pixels, (nx, ny)."""
+        assert self.pixels is not None
+        x, y = self.pixels
+        return nodal.reshape(len(x), len(y))
+
+    def _values(self, nodal: Array) -> Array:
+        """Return the values at the points of the triangulation of values (n,) at the nodes."""
+        return _with_centres(nodal, self.quads)
 
     def _image(self, axes: Any, nodal: Array, **limits: float) -> Any:
         """Draw values (n,) at the nodes, nan where nothing is drawn, as pixels of an image."""
         assert self.pixels is not None
-        x, y = self.pixels
         (left, right), (below, above) = (
             (values[0] - half, values[-1] + half)
             for values, half in ((each, (each[1] - each[0]) / 2) for each in self.pixels)
         )
-        image = np.ma.masked_invalid(nodal.reshape(len(x), len(y)).T)
+        image = np.ma.masked_invalid(self._grid(nodal).T)
         extent = left, right, below, above
         return axes.imshow(image, origin="lower", extent=extent, cmap=MAP_COLOURS, aspect="equal", **limits)
 
@@ -127,17 +178,17 @@ class Picture:
             along, across = self.pixels
             last = min(max(int(np.searchsorted(across, 0.0)), 1), len(across) - 1)
             share = float(np.clip((0.0 - across[last - 1]) / (across[last] - across[last - 1]), 0.0, 1.0))
-            grids = (values.reshape(len(along), len(across)) for values in nodal)
+            grids = map(self._grid, nodal)
             rows = ((1.0 - share) * grid[:, last - 1] + share * grid[:, last] for grid in grids)
             return [np.ma.masked_invalid(np.interp(x, along, row, left=np.nan, right=np.nan)) for row in rows]
         y = self.triangulation.y[self.triangulation.triangles]
         across = self._subset((y.min(axis=1) <= 0.0) & (y.max(axis=1) >= 0.0))
-        return [LinearTriInterpolator(across, self.values(values))(x, np.zeros_like(x)) for values in nodal]
+        return [LinearTriInterpolator(across, self._values(values))(x, np.zeros_like(x)) for values in nodal]
 
     def triangles_at(self, *kinds: NDArray[np.bool_]) -> Any:
         """Return the triangles at nodes (n,) of every kind: contours are found faster in few triangles."""
         triangles = self.triangulation.triangles
-        at = [(self.values(kind.astype(float)) > 0.0)[triangles].any(axis=1) for kind in kinds]
+        at = [(self._values(kind.astype(float)) > 0.0)[triangles].any(axis=1) for kind in kinds]
         return self._subset(np.logical_and.reduce(at))
 
     def _subset(self, chosen: NDArray[np.bool_]) -> Any:
@@ -153,18 +204,11 @@ class Picture:
 
 @memoize_by_identity
 def _picture(zone: Zone, scale: tuple[float, str]) -> Picture:
-    from matplotlib.tri import Triangulation
-
-    blocks = [connectivity for name, connectivity in zone.cells if name == "quad"]
-    quads = np.concatenate(blocks) if blocks else np.empty((0, 4), np.int64)
     middle = (zone.points.min(axis=0) + zone.points.max(axis=0)) / 2
     normal = zone.frames[:, 2].mean(axis=0)
     axes = local_frames(normal[None] / np.linalg.norm(normal))[0, :2]
     points = (zone.points - middle) @ axes.T / scale[0]
-    flat = _with_centres(points, quads)
-    triangles = _triangles(zone.cells, len(points)) if zone.cells else None
-    triangulation = Triangulation(flat[:, 0], flat[:, 1], triangles)
-    return Picture(points, *scale, axes, triangulation, quads, _pixels(zone, points))
+    return Picture(points, *scale, axes, zone.cells, _pixels(zone, points))
 
 
 def _pixels(zone: Zone, points: Array) -> tuple[Array, Array] | None:

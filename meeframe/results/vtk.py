@@ -11,7 +11,7 @@ from meeframe.common.errors import ResultError
 from meeframe.fields import Array, Indices
 from meeframe.mesh.measures import corners
 from meeframe.mesh.nearby import close_point_pairs
-from meeframe.mesh.regular import Cells, global_components
+from meeframe.mesh.regular import Cells, GridCells, global_components
 from meeframe.results import schema
 from meeframe.results.output import FIELDS_FILE, SERIES, SERIES_FILE, replacing
 from meeframe.results.records import Result, StepResult, Zone, ZoneFields
@@ -72,7 +72,7 @@ def boundary_mesh(result: Result, step: StepResult) -> Any:
 
     boundary = step.boundary
     assert boundary is not None
-    return meshio.Mesh(boundary.points, _supported(boundary.cells), point_data=dict(_boundary_data(result, step)))
+    return meshio.Mesh(boundary.points, list(_supported(boundary.cells)), point_data=dict(_boundary_data(result, step)))
 
 
 def _write(path: Path, result: Result, step: StepResult) -> None:
@@ -97,7 +97,7 @@ def zone_mesh(result: Result, step: StepResult) -> Any:
 
     zone = result.zone
     data = {_label(field): _global_values(zone, step, field) for field in schema.nodal_fields(step.fields)}
-    return meshio.Mesh(zone.points, _supported(zone.cells), point_data=data)
+    return meshio.Mesh(zone.points, list(_supported(zone.cells)), point_data=data)
 
 
 def _label(field: NodalField) -> str:
@@ -169,8 +169,10 @@ def _cells_among(cells: Indices, others: Indices) -> NDArray[np.bool_]:
     return np.isin(first, second)[:, 0]
 
 
-def _supported(cells: Cells) -> list[tuple[str, Indices]]:
+def _supported(cells: Cells) -> Cells:
     """Return cells as in VTK; an element from a plugin that VTK lacks is represented by its corners."""
+    if isinstance(cells, GridCells):
+        return cells
     outlines = zip(cells, corners(cells), strict=True)
     return [
         (name, nodes) if name in VTK_CELLS else ("triangle" if name.startswith("triangle") else "quad", outline)

@@ -2,15 +2,17 @@
 
 import base64
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, TextIO
+from typing import Any, BinaryIO, Final
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.fields import Array, Indices
+from meeframe.mesh.regular import Cells, GridCells
 from meeframe.results.hdf5 import is_compressible
 
 VTK_CELLS: Final = {"triangle": 5, "triangle6": 22, "quad": 9, "quad8": 23, "quad9": 28}
@@ -25,18 +27,16 @@ _TYPES: Final = {
     "b1": "Int8",
 }
 _BLOCK: Final = 1 << 20
-"""Size in bytes of the blocks that are compressed one by one."""
+"""Largest size in bytes of the blocks that are compressed one by one."""
+_INTEGER: Final = np.int32
+"""Numbers of points in files: half the size of those of numpy, and enough for half a billion cells."""
 
 
-def write_vtu(
-    path: Path,
-    points: Array,
-    cells: Sequence[tuple[str, Indices]],
-    data: Iterable[tuple[str, NDArray[Any]]],
-) -> None:
+def write_vtu(path: Path, points: Array, cells: Cells, data: Iterable[tuple[str, NDArray[Any]]]) -> None:
     """Write an unstructured grid with fields at its points.
 
-    Arrays are compressed only where that halves them, so that compression does not determine the time.
+    Arrays are made, compressed and written block by block. They are compressed only where that halves them, so that
+    compression does not determine the time.
 
     Parameters
     ----------
@@ -49,41 +49,82 @@ def write_vtu(
     data : iterable of tuple
         Name and values, (p,) or (p, k), of each field. Fields are taken and written one by one.
     """
-    sizes = [nodes.shape for _, nodes in cells]
-    with path.open("w", encoding="utf-8") as file:
+    connectivity, offsets, types = _numbered(cells)
+    with path.open("wb") as file:
         file.write(
-            '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian" '
-            'header_type="UInt64" compressor="vtkZLibDataCompressor"><UnstructuredGrid>'
-            f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{sum(size[0] for size in sizes)}">\n<Points>'
+            b'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian" '
+            b'header_type="UInt64" compressor="vtkZLibDataCompressor"><UnstructuredGrid>'
+            + f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(types)}">\n<Points>'.encode()
         )
-        _write_array(file, "Points", points)
-        file.write("</Points>\n<Cells>")
-        _write_array(file, "connectivity", np.concatenate([nodes.ravel() for _, nodes in cells]))
-        counts = np.repeat([size[1] for size in sizes], [size[0] for size in sizes])
-        _write_array(file, "offsets", np.cumsum(counts, dtype=np.int64))
-        types = np.repeat([VTK_CELLS[name] for name, _ in cells], [size[0] for size in sizes])
-        _write_array(file, "types", types.astype(np.uint8))
-        file.write("</Cells>\n<PointData>")
+        _write_array(file, "Points", points, components=3)
+        file.write(b"</Points>\n<Cells>")
+        _write_array(file, "connectivity", connectivity)
+        _write_array(file, "offsets", offsets)
+        _write_array(file, "types", types)
+        file.write(b"</Cells>\n<PointData>")
         for name, values in data:
-            _write_array(file, name, values)
-        file.write("</PointData>\n</Piece></UnstructuredGrid></VTKFile>\n")
+            _write_array(file, name, values, components=values.shape[1] if values.ndim == 2 else 0)
+        file.write(b"</PointData>\n</Piece></UnstructuredGrid></VTKFile>\n")
 
 
-def _write_array(file: TextIO, name: str, values: NDArray[Any]) -> None:
-    values = np.ascontiguousarray(values)
-    kind = _TYPES[values.dtype.str[1:]]
-    components = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
-    file.write(f'<DataArray type="{kind}" Name={quoteattr(name)}{components} format="binary">')
-    blocks = list(_compressed(values))
-    last = values.nbytes % _BLOCK or min(values.nbytes, _BLOCK)
-    header = np.array([len(blocks), _BLOCK, last, *map(len, blocks)], "<u8")
-    file.write(base64.b64encode(header.tobytes()).decode("ascii"))
-    file.write(base64.b64encode(b"".join(blocks)).decode("ascii"))
-    file.write("</DataArray>\n")
+@dataclass(frozen=True)
+class _Rows:
+    """Array whose rows are made when they are read: take returns those of a slice of the first `count` numbers."""
+
+    count: int
+    take: Callable[[Indices], NDArray[Any]]
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, rows: slice) -> NDArray[Any]:
+        return self.take(np.arange(*rows.indices(self.count)))
+
+    @property
+    def nbytes(self) -> int:
+        return self.count * self[:1].nbytes
 
 
-def _compressed(values: NDArray[Any]) -> Iterator[bytes]:
-    level = int(is_compressible(values))
-    content = values.reshape(-1).view(np.uint8)
-    for start in range(0, len(content), _BLOCK):
-        yield zlib.compress(content[start : start + _BLOCK].tobytes(), level)
+def _numbered(cells: Cells) -> tuple["_Rows | NDArray[Any]", ...]:
+    """Return VTK's connectivity, offsets and types of cells."""
+    if isinstance(cells, GridCells):
+        return (
+            _Rows(cells.n_cells, lambda numbers: cells.nodes(numbers).astype(_INTEGER)),
+            _Rows(cells.n_cells, lambda numbers: (4 * (numbers + 1)).astype(_INTEGER)),
+            _Rows(cells.n_cells, lambda numbers: np.full(len(numbers), VTK_CELLS["quad"], np.uint8)),
+        )
+    sizes = [nodes.shape for _, nodes in cells]
+    counts = np.repeat([size[1] for size in sizes], [size[0] for size in sizes])
+    types = np.repeat([VTK_CELLS[name] for name, _ in cells], [size[0] for size in sizes])
+    nodes = np.concatenate([nodes.ravel() for _, nodes in cells])
+    return nodes.astype(_INTEGER), np.cumsum(counts, dtype=_INTEGER), types.astype(np.uint8)
+
+
+def _write_array(file: BinaryIO, name: str, values: "_Rows | NDArray[Any]", components: int = 0) -> None:
+    """Write an array, compressed block by block; the sizes of the blocks precede them."""
+    first = values[:1]
+    width = first.dtype.itemsize * int(np.prod(first.shape[1:]))
+    per_block = max(1, _BLOCK // width)
+    starts = range(0, len(values), per_block)
+    sizes = np.zeros(3 + len(starts), "<u8")
+    if starts:
+        sizes[:3] = len(starts), per_block * width, (len(values) - starts[-1]) * width
+    numbers = f' NumberOfComponents="{components}"' if components else ""
+    kind = _TYPES[first.dtype.str[1:]]
+    file.write(f'<DataArray type="{kind}" Name={quoteattr(name)}{numbers} format="binary">'.encode())
+    begin = file.tell()
+    file.write(base64.b64encode(sizes.tobytes()))
+    level, rest = int(is_compressible(values)), b""
+    for block, start in enumerate(starts, 3):
+        compressed = zlib.compress(np.ascontiguousarray(values[start : start + per_block]).tobytes(), level)
+        sizes[block] = len(compressed)
+        rest += compressed
+        whole = len(rest) - len(rest) % 3  # bytes that base64 encodes without padding
+        file.write(base64.b64encode(rest[:whole]))
+        rest = rest[whole:]
+    file.write(base64.b64encode(rest))
+    end = file.tell()
+    file.seek(begin)
+    file.write(base64.b64encode(sizes.tobytes()))
+    file.seek(end)
+    file.write(b"</DataArray>\n")

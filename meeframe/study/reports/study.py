@@ -10,7 +10,7 @@ import numpy as np
 
 from meeframe.fields import Array
 from meeframe.results.canvas import line_style, sheet, styled
-from meeframe.results.figures import PRESSURE, clip_to_contact, contact_edge
+from meeframe.results.figures import PRESSURE, contact_edge
 from meeframe.results.picture import Picture, lengths
 from meeframe.results.records import Zone
 
@@ -269,7 +269,7 @@ def _map(
     else:
         image = picture.shade(axes, picture.extended(modulus, touching), touching, vmin=limits[0], vmax=limits[1])
         level = contact_edge(zone, touching, pressure, np.full(len(modulus), np.inf))
-        clip_to_contact(axes, image, picture, touching, picture.values(level))
+        picture.clip(axes, image, level)
     if values.ndim == 2:
         nodes = _sample(picture.points, modulus > _MIN_MODULUS * max(limits[1], _TINY))
         direction = values[nodes] / modulus[nodes, None]

@@ -72,3 +72,10 @@ def test_a_grid_finer_than_a_figure_is_an_image_of_its_nodes(synthetic) -> None:
     image = picture.shade(Figure().subplots(), values, inside).get_array()
     np.testing.assert_array_equal(np.ma.getmaskarray(image).T.ravel(), ~inside)
     np.testing.assert_array_equal(image.T.ravel()[inside], values[inside])
+    axes = Figure().subplots()
+    filled = picture.fill(axes, np.where(inside, 1.0, -3.0), "red").get_array()
+    np.testing.assert_array_equal(np.ma.getmaskarray(filled).T.ravel(), ~inside)
+    picture.outline(axes, np.where(inside, 1.0, -3.0), "white")
+    (line,) = axes.collections[0].get_paths()
+    step = (x[1] - x[0]) * 1e3
+    np.testing.assert_allclose(line.vertices[:, 0], 0.75 * step, atol=1e-9)
