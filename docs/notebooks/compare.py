@@ -12,7 +12,7 @@
 # %% [markdown]
 # # Compare laws, solvers and formulations
 #
-# One case, changed in one argument at a time. You learn
+# This notebook changes one argument of a case at a time. You learn
 #
 # - how to make variants of a case,
 # - how much friction laws differ in the same contact,
@@ -33,7 +33,7 @@ plt.style.use(meeframe.STYLE)
 # %% [markdown]
 # ## The case
 #
-# A sphere is pressed on a piezoelectric and piezomagnetic half space and dragged.
+# A sphere is pressed against a piezoelectric and piezomagnetic half space and dragged.
 
 # %%
 case = meeframe.Case(
@@ -100,8 +100,8 @@ forces = pd.DataFrame(
 forces
 
 # %% [markdown]
-# Friction changes the normal force by less than half a per cent here. Some of these numbers can be checked by thought: no law
-# exceeds its limit, and Coulomb's law with 0.1 slides as a whole, at a tenth of the normal force.
+# Friction changes the normal force by less than half a per cent here. Some of these numbers can be checked by reasoning: no law
+# exceeds its limit, and with Coulomb's law and 0.1 the whole contact slides, at a tenth of the normal force.
 
 # %%
 normal, tangential = forces["normal force [N]"], forces["tangential force [N]"]
@@ -116,8 +116,8 @@ assert normal.max() / normal.min() - 1 < 5e-3
 # %% [markdown]
 # ## Solvers
 #
-# All solvers end when the same independent residual is small enough, so their solutions must agree. What differs is the number of
-# iterations, and what each one costs. `projected-cg` is for frictionless contact and refuses this case.
+# All solvers end when the same independent residual is small enough, so their solutions must agree. They differ in the number of
+# iterations, and in what each one costs. `projected-cg` is for frictionless contact and rejects this case.
 
 # %%
 runs = {}
@@ -230,7 +230,7 @@ table = table.pivot(index="formulation", columns="divisions")
 table.round(1)
 
 # %% [markdown]
-# The closed form for the half space settles who is right:
+# The closed form for the half space shows which of them is right:
 
 # %%
 from meeframe.material import library_material
@@ -269,12 +269,12 @@ print(f"block against half space on the same contact zone: {block:.2%}")
 assert block < 3e-3
 
 # %% [markdown]
-# - The **half space** is exact about the body, so only the grid of the contact matters. It is the fastest by far, and a finer grid
+# - The **half space** represents the body exactly, so only the grid of the contact matters. It is by far the fastest, and a finer grid
 #   costs little.
-# - **Dense boundary elements** also see the finite block, whose influence on the force is small: with the same contact zone they
+# - **Dense boundary elements** model the finite block, whose influence on the force is small: with the same contact zone they
 #   deviate from the half space much less than both deviate from the closed form. **Hierarchical matrices** store the same equations
 #   approximately, for bodies with many more nodes.
-# - **Finite elements** of the lowest order are too stiff, by an amount that falls with the grid. They suit slender bodies, where
+# - **Finite elements** of the lowest order are too stiff, by an amount that decreases on finer grids. They suit slender bodies, where
 #   boundary elements lose accuracy.
 
 # %%

@@ -16,7 +16,7 @@
 #
 # - to describe a film with an electrode on a substrate,
 # - how charge and voltage of this sensor depend on the thickness of the film,
-# - which modulus an indentation test measures, and when the substrate falsifies it,
+# - which modulus an indentation test measures, and when the substrate distorts it,
 # - which piezoelectric constant an indentation test measures, and why it is not $d_{33}$,
 # - where the interface is sheared most.
 #
@@ -105,9 +105,9 @@ table.round(2)
 #
 # ## Charge and voltage
 #
-# A thick film is a half space, whose charge per force follows from a closed form
+# A thick film behaves like a half space, whose charge per force follows from a closed form
 # ([a force sensor](force-sensor.py)). A thin film on the stiff substrate cannot contract sideways and yields less charge. It yields much
-# less voltage, because its capacitance grows while it becomes thinner: the voltage is proportional to the thickness.
+# less voltage, because its capacitance grows as it becomes thinner: the voltage is proportional to the thickness.
 
 # %%
 pzt = library_material("pzt-5h")
@@ -146,8 +146,8 @@ right.set(
 # ## The measured modulus
 #
 # Hertz's law turns force and approach into an indentation modulus, $M = 3P/4\sqrt{R\delta^3}$. It lies between that of silicon and
-# that of PZT. The approximation that is used most, by Gao, Chiu and Lee (1992), weights the two compliances by a function of $h/a$, exact for
-# small differences of isotropic bodies under a punch. Here the moduli differ by a factor of two, and the indenter is a sphere.
+# that of PZT. The most common approximation, by Gao, Chiu and Lee (1992), weights the two compliances by a function of $h/a$. It is exact for
+# small differences between isotropic bodies under a punch. Here the moduli differ by a factor of two, and the indenter is a sphere.
 
 
 # %%
@@ -202,7 +202,7 @@ pd.DataFrame(
 # *slope* of the charge. Neither is $d_{33}$, the strain of a free plate per field, because the film around the contact resists.
 #
 # In a film much thinner than the contact, the field is uniform below it, and the film expands by $e_{33}/c_{33}$ per voltage. It also
-# wants to change its width, with the force $\bar e_{31} = e_{31} - e_{33}c_{13}/c_{33}$ per voltage and length of the contact edge. Such a ring of
+# tends to change its width, with the force $\bar e_{31} = e_{31} - e_{33}c_{13}/c_{33}$ per voltage and length of the contact edge. Such a ring of
 # forces lowers the surface of the substrate within it by $|Y_{13}\,\bar e_{31}|$ per voltage, where $Y_{13}$ is the response of the
 # normal displacement to tangential loads. It does not depend on the thickness, and subtracts from the stroke.
 

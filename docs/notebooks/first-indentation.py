@@ -119,8 +119,8 @@ result.plot.pressure()
 # %% [markdown]
 # ## Order of convergence
 #
-# One agreement may be luck. Halve the spacing and see whether the error falls as the method promises: by four, because
-# the half space is of second order in the force.
+# A single agreement may be luck. Halve the spacing and see whether the error falls as the theory predicts: by a factor of four,
+# because the force of the half space is of second order.
 
 # %%
 rows = []
@@ -149,13 +149,13 @@ axes.minorticks_off()
 axes.legend()
 
 # %% [markdown]
-# The edge of the contact lies at a different place between the nodes on each grid, which scatters the points about the
+# On each grid, the contact edge lies at a different place between the nodes, which scatters the points about the
 # line.
 #
 # ## A piezoelectric half space
 #
 # PZT-4 is poled along the axis. If the sphere is an earthed conductor, charge flows between it and the body; if it
-# insulates, the surface takes on a potential instead. The case changes in the material and in `conductivity`.
+# insulates, the surface takes on a potential instead. Only the material and `conductivity` of the case change.
 
 
 # %%

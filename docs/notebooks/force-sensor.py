@@ -17,7 +17,7 @@
 #
 # - to prescribe the potential or the charge of an electrode, together with a force,
 # - that charge per force is a constant of the material, whatever the shape of the indenter,
-# - that voltage per force depends on the shape, and is linear under a punch only,
+# - that voltage per force depends on the shape, and is constant only under a punch,
 # - how thickness changes the sensitivity of a plate that is bonded to a rigid, earthed base.
 #
 # **Not covered:** a film on an elastic substrate; see [the next notebook](film-on-substrate.py).
@@ -170,8 +170,8 @@ assert abs(stroke / abs(charge_per_force) - 1) < 2e-3
 # %% [markdown]
 # ## A plate on a rigid base
 #
-# The thinner the plate, the more its base clamps it. In the limit of a plate much thinner than the contact, it strains along its
-# thickness only, and the charge per force is $e_{33}/c_{33}$. The grid is coarse, so these values are uncertain by a few per cent,
+# The thinner the plate, the more its base clamps it. A plate much thinner than the contact strains only along its
+# thickness, and the charge per force tends to $e_{33}/c_{33}$. The grid is coarse, so these values are uncertain by a few per cent,
 # as the comparison of two formulations shows.
 
 

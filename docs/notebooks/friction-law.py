@@ -20,8 +20,8 @@
 #
 # $$|t_\tau| \le \frac{\mu\, p}{1 + p/p_{1/2}},$$
 #
-# Coulomb's law at small pressures, with half of the coefficient at $p_{1/2}$, and the shear strength $\mu\, p_{1/2}$ at large
-# ones.
+# which is Coulomb's law at small pressures, has half of the coefficient at $p_{1/2}$, and tends to the shear strength
+# $\mu\, p_{1/2}$ at large pressures.
 
 # %%
 import math
@@ -91,7 +91,7 @@ check_associated(law, pressure=3e8)
 print("the law fulfils its contract")
 
 # %% [markdown]
-# A mistake that is easily made is the wrong sign of the pressure. The kit finds it, with an input and the reason:
+# An easy mistake is the wrong sign of the pressure. The kit finds it, and states an input and the reason:
 
 
 # %%
@@ -111,8 +111,8 @@ else:
 # %% [markdown]
 # ## Solve a contact
 #
-# A sphere is pressed on an incompressible half space, in which pressure and tangential displacement are not coupled, and
-# dragged until all of the contact slides. The law is used at once; a case file needs it as a
+# A sphere is pressed against an incompressible half space, in which pressure and tangential displacement are not coupled, and
+# dragged until the whole contact slides. The law is used at once; a case file needs it as a
 # [plugin](../tutorials/first-friction-law.md#a-package).
 
 
@@ -155,12 +155,12 @@ left.legend()
 right.set(xlabel="x [mm]", ylabel="tangential traction at the end [MPa]")
 
 # %% [markdown]
-# Where Coulomb's traction has its peak, that of the new law is almost flat: the coefficient is smallest where the pressure is
+# Where Coulomb's traction has its peak, the traction of the new law is almost flat: the coefficient is smallest where the pressure is
 # largest.
 #
 # ## Check the result
 #
-# When all of the contact slides, the traction is the limit everywhere, and the pressure is that of Hertz. The force is then an
+# When the whole contact slides, the traction is at its limit everywhere, and the pressure is that of Hertz. The force is then an
 # integral over the contact:
 #
 # $$T = \int_0^a \frac{\mu\, p(r)}{1 + p(r)/p_{1/2}}\, 2\pi r\, dr, \qquad p(r) = p_0 \sqrt{1 - r^2/a^2}.$$

@@ -16,7 +16,7 @@
 #
 # - to give a material thermal constants, and to let friction heat the body,
 # - how speed raises the pressure and limits the contact radius,
-# - that the heat which enters the body is the power of friction,
+# - that the heat entering the body is the power of friction,
 # - where a steady state ends.
 #
 # **Not covered:** heat carried by a moving surface at large Péclet numbers, and instability in time.
@@ -34,7 +34,7 @@ plt.style.use(meeframe.STYLE)
 # ## The case
 #
 # `friction_heat = 1` sends all heat into the body; the sphere is an insulator. The speed is the translation of a step over its
-# `duration`. A half space leaves the level of its displacement undetermined where heat flows, so that a force is prescribed, not
+# `duration`. The displacement of a half space is undetermined by a constant if heat flows, so a force is prescribed, not
 # an approach.
 
 # %%
@@ -117,7 +117,7 @@ strength = DISTORTIVITY * FRICTION * speeds * MODULUS * radii / (2 * np.pi)
 print(np.round(strength, 3))
 
 # %% [markdown]
-# A message of the result states $\lambda$ as well.
+# A message of the result also states $\lambda$.
 
 # %%
 print(last.message)

@@ -45,8 +45,8 @@ plt.style.use(meeframe.STYLE)
 # ## The case
 #
 # `thermal=True` takes the [thermal constants of the library](../reference/materials.md#heat). The tip, a sphere, first presses
-# with a force of 50 mN, then it is heated. Steady heat flow into a half space leaves the level of displacement and potential
-# undetermined. `reference_radius` states where the body is held and earthed: at about this distance. Charges and heat fluxes are
+# with a force of 50 mN, then it is heated. Under steady heat flow into a half space, displacement and potential are undetermined by a
+# constant. `reference_radius` states the approximate distance at which the body is held and earthed. Charges and heat fluxes are
 # singular at the contact edge, so the edge is resolved between the nodes.
 
 # %%
@@ -57,7 +57,7 @@ HELD_FORCE = meeframe.Step(normal_force=FORCE)
 
 
 def hot_tip(material=ceramic, first=HELD_FORCE, distance=DISTANCE, increments=3):
-    """Return the case of a tip that is pressed on, then heated."""
+    """Return the case of a tip that is pressed against the body, then heated."""
     return meeframe.Case(
         title="Hot tip",
         material=material,
@@ -89,12 +89,12 @@ earthed[
 ]
 
 # %% [markdown]
-# Heat and charge are counted out of the body, so that heat from a hot tip is negative. While the force is held, expansion pushes
+# Heat and charge are positive out of the body, so heat from a hot tip is negative. While the force is constant, expansion pushes
 # the tip back: the approach decreases.
 #
 # ## Held force or held approach
 #
-# The third tip is held at the approach that it has when cold. Expansion then raises the force.
+# The third tip is held at the approach it has when cold. Expansion then raises the force.
 
 # %%
 cold = earthed.iloc[0]
@@ -206,7 +206,7 @@ assert abs(checks["deviation"]).max() < 5e-3
 # %% [markdown]
 # ## Pyroelectric and piezoelectric part
 #
-# The charge of the hot tip has three causes: the force, the expansion, whose stresses polarise a piezoelectric body, and the
+# The charge of the hot tip has three causes: the force; the expansion, whose stresses polarise a piezoelectric body; and the
 # pyroelectric effect itself. A material without pyroelectric coefficients has only the first two. In `thermal_moduli`, (3, 5),
 # the coefficients are the fourth column, at constant strain and with the sign changed.
 
@@ -226,7 +226,7 @@ parts = pd.Series(
 print((1e12 * parts).round(2).to_string())
 
 # %% [markdown]
-# Expansion acts against the force here and removes about half of the pyroelectric part. The parts add up almost independently:
+# Expansion acts against the force here and removes about half of the pyroelectric part. The parts are almost additive:
 # half of the pyroelectric coefficient has half of the effect, except for a small change of the contact radius.
 
 # %%
@@ -242,9 +242,9 @@ assert parts["pyroelectric"] < 0 < parts["expansion"]
 # %% [markdown]
 # ## How far is earth?
 #
-# The potential of a floating tip depends on the distance $R$ at which the body is earthed, as $\ln R$: on the size of the
-# specimen. With the heat $H$ into the body and the distortivity $\delta_\varphi$ of the potential, a distance ten times as large
-# moves it by $\delta_\varphi H \ln 10/2\pi$. Heat, pressure and contact do not depend on it.
+# The potential of a floating tip depends on the size of the specimen: it grows as $\ln R$ with the distance $R$ at which the body is
+# earthed. With the heat $H$ into the body and the distortivity $\delta_\varphi$ of the potential, a distance ten times as large
+# changes the potential by $\delta_\varphi H \ln 10/2\pi$. Heat, pressure and contact do not depend on $R$.
 
 # %%
 farther = solve(
@@ -307,8 +307,8 @@ laws = xr.Dataset(
 laws.to_dataframe().round(3)
 
 # %% [markdown]
-# Each law lets a different heat through. The charge beyond that of the force follows it: charge over heat hardly depends on the
-# law, because heat that enters elsewhere in a small contact looks the same from afar.
+# Each law lets a different amount of heat through. The charge that heat adds to that of the force is proportional to it: the ratio
+# hardly depends on the law, because the place at which heat enters a small contact has little effect far away.
 
 # %%
 ratio = charge / heat
@@ -322,8 +322,8 @@ assert (heat.sel(law="perfect") > 1.5 * heat.drop_sel(law="perfect")).all()
 #
 # The resistance of the contact is between two bounds. Heat would flow more easily if a sheet of a perfect conductor lay below the
 # interface: the sum of both resistances, $1/4a\kappa + 1/\int\kappa_h\,dA$, is a lower bound. It would flow less easily if its
-# flux were everywhere in proportion to $\kappa_h$: the upper bound has a larger constriction resistance, $8/3\pi^2a\kappa$ for
-# the uniform flux through a film and at most $3/10a\kappa$, that of a flux in proportion to the pressure, for the other laws. The
+# flux were proportional to $\kappa_h$ everywhere. The upper bound therefore has a larger constriction resistance: $8/3\pi^2a\kappa$ for
+# the uniform flux through a film, and at most $3/10a\kappa$, that of a flux proportional to the pressure, for the other laws. The
 # contact radius is between that of the perfectly conducting and that of the cold contact.
 
 # %%
@@ -372,8 +372,8 @@ right.set(ylabel="resistance, with bounds [K/mW]")
 # %% [markdown]
 # ## A film on silicon
 #
-# Films collect another charge. The film is on silicon, which conducts heat sixty times as well, with a grounded electrode between
-# them. Thermal constants of a library material without them are stated by `with_heat`.
+# A film collects a different charge. Here the film is on silicon, which conducts heat sixty times as well, with a grounded electrode
+# between them. For a library material without thermal constants, `with_heat` defines them.
 
 # %%
 silicon = library_material("silicon").with_heat(148.0, 2.6e-6)  # W/(m K), 1/K
@@ -420,10 +420,10 @@ right.legend()
 
 # %% [markdown]
 # The silicon cools a thin film: much heat flows, but little of it changes the temperature of the film. There the charge even has
-# the other sign, because the heated silicon and the clamped film expand upwards and press on the tip. On thicker films the
+# the opposite sign, because the heated silicon and the clamped film expand upwards and press on the tip. On thicker films the
 # pyroelectric part prevails. It does not end at the width of the contact: the electrode is where the film is earthed, and the
 # charge grows with the logarithm of its depth. A film as thick as the distance at which the thick ceramic is earthed has about the
-# charge of that. The reference radius has no effect on charge and potential above an electrode, only on the approach.
+# same charge. The reference radius has no effect on charge and potential above an electrode, only on the approach.
 
 # %%
 assert abs(film_heat[-1] / -thick["heat"].iloc[-1] - 1) < 0.01

@@ -12,8 +12,8 @@
 # %% [markdown]
 # # Hysteresis and dissipation
 #
-# Friction loses energy in slip. Two loops show it: a tangential force that swings back and forth, and a normal load that is applied and
-# removed. You learn
+# Slip with friction dissipates energy. Two loops show this: a tangential force that swings back and forth, and a normal load that is
+# applied and removed. You learn
 #
 # - to prescribe a cyclic load,
 # - to draw loops and the traction after a reversal,
@@ -33,7 +33,7 @@ plt.style.use(meeframe.STYLE)
 # %% [markdown]
 # ## A tangential loop
 #
-# A sphere is pressed on an incompressible half space with a constant force. A tangential force then swings between $\pm 0.7 \mu P$. The
+# A sphere is pressed against an incompressible half space with a constant force. A tangential force then swings between $\pm 0.7 \mu P$. The
 # outside of the contact slips at once; the inside sticks.
 
 # %%
@@ -76,7 +76,7 @@ loops = {increments: swing(increments) for increments in (8, 16, 32)}
 curve, loop = loops[16].to_dataframe(), loop_of(loops[16])
 
 # %% [markdown]
-# Mindlin gives force and displacement in closed form, first for loading, and from it for each reversal.
+# Mindlin's theory gives force and displacement in closed form, first for loading, and from it for each reversal.
 
 # %%
 peak = mindlin.displacement(FORCE)
@@ -133,7 +133,7 @@ assert abs(stick / exact_stick - 1) < 0.05
 # %% [markdown]
 # ## Energy balance of the loop
 #
-# After a full loop, the elastic energy is what it was. The work of the indenter, $\oint T\, d\delta + \oint P\, dg$, must then equal the
+# After a full loop, the elastic energy is the same as before. The work of the indenter, $\oint T\, d\delta + \oint P\, dg$, must then equal the
 # energy that friction dissipates, which the result sums up from traction and slip at each node. Their difference is an error of
 # the increments, and falls with the square of their number.
 

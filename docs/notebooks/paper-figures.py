@@ -37,8 +37,8 @@ plt.style.use(meeframe.STYLE)
 # %% [markdown]
 # ## The main case
 #
-# The paper has 16 x 16 elements in the contact zone, 1088 in total. Here are 12 x 12, so that the page builds quickly; remove `replace` for
-# the mesh of the paper.
+# The paper has 16 x 16 elements in the contact zone, 1088 in total. This notebook uses 12 x 12, so that it runs quickly; remove `replace`
+# for the mesh of the paper.
 
 # %%
 main = meeframe.Case.from_toml(files("meeframe") / "examples" / "emii.toml")
@@ -54,7 +54,7 @@ main
 # %% [markdown]
 # ## Four conditions
 #
-# E or M insulates (I) or conducts (C): EMII has neither, EMCI both. The closed forms for the half space are equations 33 to 36
+# The contact insulates (I) or conducts (C) electrically (E) and magnetically (M): EMII insulates both fields, EMCI conducts both. The closed forms for the half space are equations 33 to 36
 # of the paper.
 
 # %%

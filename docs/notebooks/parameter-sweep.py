@@ -78,8 +78,8 @@ print(f"{force.attrs['long_name']} [{force.attrs['units']}]: {dict(force.sizes)}
 # %% [markdown]
 # ## Select by value
 #
-# A section of the dataset, and a fit along one of its dimensions: by Hertz, the force at a given approach grows with the root of the
-# radius.
+# Select a section of the dataset, and fit a power along one of its dimensions: according to Hertz, the force at a given approach grows
+# with the square root of the radius.
 
 # %%
 at_end = force.isel(increment=-1)
@@ -161,7 +161,7 @@ axes.legend()
 # %% [markdown]
 # ## Other axes
 #
-# An axis may also have labels for changes of several keys, such as laws. Values can be spaced evenly or by ratios.
+# An axis may also have labels for changes of several keys, such as laws. Values can be spaced linearly or logarithmically.
 
 # %%
 laws = meeframe.sweep(

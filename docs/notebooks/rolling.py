@@ -12,7 +12,7 @@
 # %% [markdown]
 # # Rolling: creep curves, spin and a signal
 #
-# A wheel that drives or brakes creeps: it turns a little faster or slower than it would roll freely, and the tangential force grows with
+# A wheel that drives or brakes creeps: it turns a little faster or slower than in free rolling, and the tangential force grows with
 # the creepage up to the limit of friction. You learn
 #
 # - to compute a creep curve from steady states,
@@ -33,8 +33,8 @@ plt.style.use(meeframe.STYLE)
 # %% [markdown]
 # ## A creep curve
 #
-# A rigid ball rolls on an incompressible body, where pressure and friction do not change each other. Each step finds the steady state
-# at a larger creepage directly.
+# A rigid ball rolls on an incompressible body, for which pressure and friction do not affect each other. Each step directly finds the
+# steady state at a larger creepage.
 
 # %%
 YOUNG, POISSON, RADIUS, FRICTION, FORCE = 3e6, 0.4999, 20e-3, 0.5, 2.0
@@ -86,7 +86,7 @@ curve[
 
 # %% [markdown]
 # The force grows from zero with the slope of the linear theory and saturates when the whole contact slips. The approximation of Vermeulen
-# and Johnson needs that slope only. The work of friction per distance is force times creepage.
+# and Johnson needs only that slope. The work of friction per distance is force times creepage.
 
 # %%
 slope = ratio[0] / creepages[0]
@@ -113,8 +113,8 @@ assert np.allclose(curve["friction_work"][1:], curve["creep_work"][1:], rtol=2e-
 # %% [markdown]
 # ## From rest to rolling
 #
-# The ball at rest bears a tangential force and slips at the rim of the contact all around (Cattaneo and Mindlin). Then it rolls
-# under the same force: material that sticks since it entered moves through, and slip remains at the trailing edge alone (Carter). The
+# The ball at rest bears a tangential force and slips in an annulus along the contact edge (Cattaneo and Mindlin). Then it rolls
+# under the same force: material that has stuck since it entered moves through, and slip remains only at the trailing edge (Carter). The
 # creepage follows from the force.
 
 # %%
@@ -150,7 +150,7 @@ assert abs(transient / limit - 1.0) < 2e-3
 # %% [markdown]
 # ## Spin
 #
-# A contact that turns about its normal while it rolls is pushed sideways, although its creepages are zero. Slip begins at the rim, at the
+# A contact that turns about its normal while it rolls is pushed sideways, although its creepages are zero. Slip begins at the contact edge, on the
 # trailing side.
 
 # %%
@@ -169,9 +169,9 @@ assert spin["torque"] > 0.0
 # %% [markdown]
 # ## A signal
 #
-# A grounded metal ball rolls over PZT-4 with its axis of poling in the surface, along the rolling direction. The pressure alone causes no
-# charge, for symmetry. With a creepage friction grows over the first distance of about two contacts, and with it a charge that flows
-# through the ball: a sensor of the tangential force that rolls along.
+# A grounded metal ball rolls over PZT-4 with its axis of poling in the surface, along the rolling direction. For reasons of symmetry, the pressure itself
+# causes no charge. With a creepage, friction grows over a distance of about two contacts, and with it a charge that flows
+# through the ball: a rolling sensor of the tangential force.
 
 # %%
 signal_width, signal_force = 0.8e-3, 20.0

@@ -31,7 +31,7 @@ plt.style.use(meeframe.STYLE)
 # ## A height map
 #
 # Any array of heights on a regular grid will do: rows along y, columns along x. Here we filter white noise so that its spectrum
-# is self-affine with the Hurst exponent 0.8, between two wavelengths. The surface is periodic. The indenter `self-affine` makes such
+# is self-affine between two wavelengths, with a Hurst exponent of 0.8. The surface is periodic. The indenter `self-affine` makes such
 # surfaces without this cell.
 
 # %%
@@ -113,8 +113,8 @@ result.plot.pressure(right, step="last")
 #
 # $$\frac{A}{A_0} = \kappa\, \frac{\bar p}{E^* h'_{rms}}, \qquad \kappa = \sqrt{2\pi} \text{ to } \sqrt{8/\pi}$$
 #
-# from the limits of the theories of Bush, Gibson and Thomas, and of Persson. Simulations lie in between. The area counts nodes, so
-# it depends on the shortest wavelength and on the grid: a number without both says little.
+# from the limits of the theories of Bush, Gibson and Thomas, and of Persson. Simulations lie in between. The area is counted in nodes,
+# so it depends on the shortest wavelength and on the grid: a number without both says little.
 
 # %%
 area = curve["contact_area"] / PERIOD**2
@@ -134,8 +134,8 @@ assert (kappa < upper).all()
 #
 # $$G = \frac{2 \sigma}{E^*} \frac{dP}{dg}.$$
 #
-# One side is computed from the current, the other one from differences of forces and approaches, so that the identity checks
-# both. The first interval is too long for a difference, because the stiffness doubles in it.
+# One side is computed from the current, the other one from differences of forces and approaches, so the identity checks
+# both. The first interval is too long for a difference quotient, because the stiffness doubles in it.
 
 # %%
 force, approach = curve["normal_force"].to_numpy(), curve["approach"].to_numpy()

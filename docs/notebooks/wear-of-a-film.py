@@ -16,7 +16,7 @@
 #
 # - to let a contact wear over a sliding distance, with increments that divide themselves,
 # - how the pressure runs in, on the film and on bare steel,
-# - what the scar and the life of the film owe to the film, and what to geometry alone.
+# - which properties of the scar and of the life of the film depend on the film, and which only on geometry.
 #
 # **Not covered:** films that become compliant as they get thin. The elastic body keeps its thickness, so depths should stay well below that
 # of the film.
@@ -32,8 +32,8 @@ plt.style.use(meeframe.STYLE)
 # %% [markdown]
 # ## The case
 #
-# Nothing wears while the sphere is pressed on: `sliding=0`. Each of the other steps slides a distance, and is divided so that at most 15 % of the
-# pressure changes in each subincrement. `wear` is the depth that both surfaces lose; here it belongs to the film, which stays
+# Nothing wears while the sphere is pressed against the film: `sliding=0`. In each of the other steps it slides a distance; the step is
+# divided so that the pressure changes by at most 15 % in each subincrement. `wear` is the depth that both surfaces lose; here it belongs to the film, which stays
 # under the contact, as in a test with a reciprocating ball of a much harder material.
 
 # %%
@@ -71,7 +71,7 @@ results = {
 # %% [markdown]
 # ## Running-in of the pressure
 #
-# The stiff film raises the pressure of the new surface. Wear wipes this out: the pressure becomes uniform over the scar.
+# The stiff film raises the pressure on the new surface. Wear removes this effect: the pressure becomes uniform over the scar.
 
 # %%
 fig, axes = plt.subplots(1, 2, figsize=(9, 3.4), sharey=True)
@@ -96,7 +96,7 @@ assert np.isclose(peaks["film"][-1], peaks["bare steel"][-1], rtol=0.03)
 # %% [markdown]
 # ## Volume and scar
 #
-# The volume is $kPs$ whatever the pressure, so the film does not matter. A deep scar has the radius $a$ with $a^4 = 4kPRs/\pi$, and the depth
+# The worn volume is $kPs$ whatever the pressure, so the film does not matter. A deep scar has the radius $a$ with $a^4 = 4kPRs/\pi$, and the depth
 # $a^2/2R$.
 
 # %%

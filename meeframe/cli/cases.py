@@ -68,7 +68,7 @@ def show(
         list[str] | None,
         typer.Option(
             metavar="STEP",
-            help="Load step such as 2, increment such as 2.5, 'last', or 'peak'; repeatable. By default the ends of "
+            help="Load step such as 2, increment such as 2.5, 'last' or 'peak'; repeatable. By default the ends of "
             "all load steps, or as many as fit, and the peak load.",
         ),
     ] = None,
@@ -96,9 +96,9 @@ def show(
     """Print the summary of a run as a table.
 
     With --interior, the body of the case is reduced again, and the fields after an increment, by default that of the
-    peak load, are evaluated in a box under the contact. Their largest values are printed, all fields are written to
-    interior.vtu in DIR, and a section through the middle of the contact is drawn in interior.png. The largest tension
-    and shear on each interface of a layered body are printed, too.
+    peak load, are evaluated in a box under the contact. Their largest values are printed, and so are the largest
+    tension and shear on each interface of a layered body. All fields are written to interior.vtu in DIR, and a section
+    through the middle of the contact is drawn in interior.png.
     """
     with console.exit_status():
         from meeframe.results.files import read_result
@@ -137,7 +137,7 @@ def figures(
     step: Annotated[
         str,
         typer.Option(
-            metavar="STEP", help="Load step such as 2, increment such as 2.5, 'last', or 'peak', that of the peak load."
+            metavar="STEP", help="Load step such as 2, increment such as 2.5, 'last', or 'peak' for the peak load."
         ),
     ] = "peak",
     format: PictureFormat = "png",
@@ -145,7 +145,7 @@ def figures(
         Path | None, typer.Option(metavar="DIR", help="Folder for the figures; that of the run if not given.")
     ] = None,
 ) -> None:
-    """Draw the figures of an increment of a run again, also as vector graphics."""
+    """Draw the figures of an increment of a run again, optionally as vector graphics."""
     with console.exit_status():
         from meeframe.results.figures import write_figures
         from meeframe.results.files import read_result

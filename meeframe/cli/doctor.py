@@ -52,8 +52,8 @@ class Finding:
 def doctor() -> None:
     """Report versions, threads, caches, plugins and missing optional packages of this installation.
 
-    The exit status is 1 if a plugin is broken or if compiled kernels cannot be cached, else 0. It is 2 if that keeps
-    the package from being loaded at all.
+    The exit status is 0 if there is no problem, 1 if a plugin is broken or compiled kernels cannot be cached, and 2 if
+    the package cannot be loaded because of that.
     """
     from meeframe.common.literal import LiteralTable
 

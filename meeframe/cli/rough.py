@@ -51,7 +51,8 @@ def rough(
         ),
     ] = None,
     hardness: Annotated[
-        str | None, typer.Option(metavar="PRESSURE", help="Largest pressure, of perfectly plastic asperities.")
+        str | None,
+        typer.Option(metavar="PRESSURE", help="Hardness: the largest pressure, of perfectly plastic asperities."),
     ] = None,
     potential: Annotated[
         str | None, typer.Option(metavar="VOLTAGE", help="Potential of the surface; computes charge and capacitance.")
@@ -65,11 +66,11 @@ def rough(
     threads: Threads = None,
     plugin: PluginFiles = None,
 ) -> None:
-    """Press a rough surface on a half space with a series of mean pressures.
+    """Press a rough surface against a half space with a series of mean pressures.
 
-    Area, mean gap, stiffness, conductance, capacitance and charge over the pressure are written to rough.h5 and
-    rough.csv, the statistics of the surface to surface.json, and pictures of both. Options replace the keys of a study
-    file. The exit status is 0 if every pressure converged, 1 if not, 2 for invalid input and 130 if interrupted.
+    Area, mean gap, stiffness, conductance, capacitance and charge at each pressure are written to rough.h5 and
+    rough.csv, the statistics of the surface to surface.json; both are drawn in pictures. Options replace the keys of a
+    study file. The exit status is 0 if every pressure converged, 1 if not, 2 for invalid input and 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED, f"nothing was written to {out}"):
         from meeframe.common.errors import CaseError

@@ -25,7 +25,7 @@ def compare(
         str | None,
         typer.Option(
             metavar="STEP",
-            help="Increment that is compared: load step such as 2, increment such as 2.5, 'last' or 'peak'. By default "
+            help="Increment to compare: load step such as 2, increment such as 2.5, 'last' or 'peak'. By default "
             "the last one, or that of the peak load if nothing touches at the end.",
         ),
     ] = None,
@@ -85,7 +85,7 @@ def verify(
     """Run a case with several formulations on several meshes and test whether they agree within their errors.
 
     By default all formulations that accept the case are compared. The results are written to verify.json and
-    convergence.png. The exit status is 0 if no two formulations disagree, 1 if some do or if a run did not converge, 2
+    convergence.png. The exit status is 0 if no two formulations disagree, 1 if some do or if a run does not converge, 2
     for invalid input and 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED):
@@ -133,12 +133,12 @@ def sweep(
     threads: Threads = None,
     overwrite: Annotated[
         bool,
-        typer.Option("--overwrite", metavar="", help="Replace another sweep; points that both share are preserved."),
+        typer.Option("--overwrite", metavar="", help="Replace another sweep; points common to both are kept."),
     ] = False,
     systems: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Folder of reduced systems that other sweeps use too; by default one in --out."
+            metavar="DIR", help="Folder of reduced systems that several sweeps share; by default one in --out."
         ),
     ] = None,
     plugin: PluginFiles = None,
@@ -174,7 +174,7 @@ def reproduce(
     """Reproduce figures of the reference paper; write FIGURE.png and FIGURE.json.
 
     By default the studies are solved in this process. Finished runs are stored in DIR/points and reduced systems in
-    DIR/cache, from which later calls reuse them. The exit status is 0 if every run converged, 1 if not, 2 for invalid
+    DIR/cache; later calls reuse them. The exit status is 0 if every run converged, 1 if not, 2 for invalid
     input and 130 if interrupted.
     """
     with console.exit_status(console.NOT_CONVERGED):

@@ -355,10 +355,10 @@ def section(record: Record, _pictures: Path) -> str:
     return "\n\n".join(
         [
             prose(
-                "Every acceleration of the solvers is switched off by itself, in whole runs from the tables of a case"
-                f" to its result, on small and large grids. Processor time of one thread, start-up included; medians of"
-                f" {record['turns']} turns. A gain of 1.5 means that the run takes 1.5 times as long without"
-                f" the acceleration. Gains vary by about 0.05 from measurement to measurement."
+                "Each acceleration of the solvers is switched off separately, in whole runs from the tables of a case"
+                f" to its result, on small and large grids. Times are processor times of one thread, including"
+                f" start-up, and medians of {record['turns']} runs. A gain of 1.5 means that the run takes 1.5 times as"
+                f" long without the acceleration. Gains vary by about 0.05 from measurement to measurement."
                 + (_added(record["added"]) if "added" in record else "")
             ),
             table(["acceleration", "what it is", "largest gain", "in", "gain of a tenth in", "fails without"], rows),
@@ -366,7 +366,7 @@ def section(record: Record, _pictures: Path) -> str:
             table(["run", "whole run [s]", "without start-up [s]", "iterations"], times),
             prose(
                 "Accelerations that gained less than a tenth on all runs were removed, most of them together with a"
-                " capability that only they used. Their largest gains, measured in the same way before they went:"
+                " capability that only they used. Their largest gains, measured in the same way before their removal:"
             ),
             table(["removed", "what it was", "largest gain", "in"], removed),
         ]
@@ -375,9 +375,7 @@ def section(record: Record, _pictures: Path) -> str:
 
 def _added(added: Record) -> str:
     """Return a sentence on rows that were measured after the others."""
-    return (
-        f" These rows were measured later, on {added['date']} at commit {added['commit']}: {', '.join(added['rows'])}."
-    )
+    return f" The rows {', '.join(added['rows'])} were measured later, on {added['date']} at commit {added['commit']}."
 
 
 if __name__ == "__main__":

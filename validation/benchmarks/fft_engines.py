@@ -142,13 +142,15 @@ def section(record: Record, _pictures: object) -> str:
     return "\n\n".join(
         [
             prose(
-                "Products of a half space are real Fourier transforms in two dimensions. The table compares a pair of"
-                f" them, forward and back, by one thread, as the least of {TURNS} processor times in alternation:"
-                f" {libraries}. The last column is a whole product of meeframe, which transforms blocks of columns, and"
+                "Products with the compliance of a half space consist of real Fourier transforms in two dimensions. The"
+                " table compares libraries on a pair of them, forward and back, with one thread:"
+                f" {libraries}. Times are the smallest of {TURNS} processor times, measured alternately. The last"
+                " column is a whole product of meeframe, which transforms blocks of columns, and"
                 " then multiplies and transforms blocks of rows while they are in the cache. The bound is the time in"
-                f" which {TRAFFIC} bytes per node in double precision, each number read and written once along each"
-                f" axis and way, pass the memory at {record['bandwidth'] / 1e9:.0f} GB/s, measured with a += b. The"
-                " bound is one of the memory alone; arithmetic takes the rest of the time."
+                f" which {TRAFFIC} bytes per node in double precision pass through memory at"
+                f" {record['bandwidth'] / 1e9:.0f} GB/s, measured with a += b: each number is read and written once"
+                " along each axis and in each direction. The bound only accounts for memory; arithmetic takes the"
+                " rest of the time."
             ),
             table(heads, rows),
         ]

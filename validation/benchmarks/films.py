@@ -213,11 +213,12 @@ def section(record: Record, _pictures: Path) -> str:
     return "\n\n".join(
         [
             prose(
-                f"Ten layers of {' and '.join(FILMS)}, as thick together as the contact radius, on {SUBSTRATE}; all"
-                f" rotated alike in the triclinic case, and each {ANGLE:g} rad further than the last one where all are"
-                " said to be different. Times are processor times of one thread, medians of alternate"
-                f" runs of `auto` to a residual of {TOLERANCE:g}, under a sphere with a given force; of solutions"
-                " without the making of the response. The density of all grids is bilinear and free."
+                f"Ten layers of {' and '.join(FILMS)} on {SUBSTRATE} are together as thick as the contact radius. In"
+                " the triclinic case all materials are rotated alike; where all are said to be different, each is"
+                f" rotated {ANGLE:g} rad more than the previous one. `auto` solves for the contact under a sphere with"
+                f" a given force to a residual of {TOLERANCE:g}. Times are processor times of one thread, medians of"
+                " alternating runs; those of solutions do not include the response. All grids are free, with bilinear"
+                " density."
             ),
             f"### Response of ten layers, {sizes['responses']} x {sizes['responses']} nodes, first product included",
             table(
@@ -228,9 +229,10 @@ def section(record: Record, _pictures: Path) -> str:
             _solved(record["solutions"], "half space", "ten layers"),
             f"### Heat: six fields against five, {sizes['heat']} x {sizes['heat']} nodes",
             prose(
-                "A conducting sphere, hot in the case of six fields, on a material that expands and is pyroelectric and"
-                f" pyromagnetic. A product of six fields takes {_ratio(record['heat']['product']):.2f} times as long as"
-                " one of five. Heat changes the contact and, with friction, its slip, so that numbers of steps differ."
+                "A conducting sphere, hot in the case of six fields, presses on a pyroelectric and pyromagnetic"
+                f" material that expands. A product of six fields takes {_ratio(record['heat']['product']):.2f} times"
+                " as long as one of five. Heat changes the contact and, with friction, its slip, so the numbers of"
+                " steps differ."
             ),
             _solved(
                 {name: row for name, row in record["heat"].items() if name != "product"}, "five fields", "six fields"

@@ -168,17 +168,17 @@ def section(record: Record, _pictures: Path) -> str:
         [
             prose(
                 "A magneto-electro-elastic contact has up to five unknown loads at each node: pressure, two tangential"
-                " tractions, two fluxes. The one-field problem has the pressure only, without friction and insulated."
-                f" All problems are solved by one thread to a residual of {TOLERANCE:g}; times are medians of"
+                " tractions, two fluxes. The one-field problem has only the pressure: it is frictionless and insulated."
+                f" All problems are solved with one thread to a residual of {TOLERANCE:g}; times are medians of"
                 f" {TURNS} repetitions."
             ),
             "### Five fields: friction and conduction",
             *_by_newton(record["newton"]),
             "### Three fields: pressure and fluxes, without friction",
             prose(
-                "A sphere is pressed on at a given approach, and the indenter is a perfect conductor. All problems"
-                " share one half space whose entries are computed beforehand. The table shows ratios of times,"
-                " conducting to insulated: by the default solver `auto`, which chooses conjugate gradients for the"
+                "A perfectly conducting sphere is pressed in to a given approach. All problems share one half space"
+                " whose entries are computed beforehand. The table shows the times of conducting contact relative to"
+                " insulated contact, with the default solver `auto`, which chooses conjugate gradients for the"
                 " insulated contact and Newton's method for the conducting one. The column on products compares five"
                 " fields with one. Steps are those of the insulated and of the conducting contact."
             ),
@@ -186,7 +186,7 @@ def section(record: Record, _pictures: Path) -> str:
                 ["medium", "grid", "product", "`auto`", "steps"],
                 [_conducting(name, row) for name, rows in alike.items() for row in rows.values()],
             ),
-            "### Products by two threads",
+            "### Products with two threads",
             prose(
                 "Wall times of one product with the compliance of the orthotropic medium on a free grid, in double"
                 " precision, medians of nine. Small products always use one thread."
@@ -220,8 +220,8 @@ def _by_newton(rows: Record) -> list[str]:
     return [
         prose(
             "A perfectly conducting sphere of 0.1 m is pressed with"
-            f" {MEE_FORCE:g} N on the orthotropic magneto-electro-elastic medium and dragged with {SHARE * MU:g} of"
-            " this force. Each solution uses a new half space and computes its entries on demand. As in `auto`,"
+            f" {MEE_FORCE:g} N against the orthotropic magneto-electro-elastic medium and dragged with {SHARE * MU:g}"
+            " of this force. Each solution uses a new half space and computes its entries on demand. As in `auto`,"
             " conjugate gradients solve the one-field problem, and Newton's method the others."
         ),
         table(
@@ -236,13 +236,13 @@ def _by_newton(rows: Record) -> list[str]:
             [_compared(n, row) for n, row in rows.items()],
         ),
         prose(
-            f"On the finest grid, five fields take {products:.1f} times as many products as pressure alone, each of"
+            f"On the finest grid, five fields take {products:.1f} times as many products as one field, each of"
             f" which costs {_product(finest):.1f} times as much on the same nodes: friction and conduction each take"
             " additional steps, and each step takes products for its linear equations. Finer grids have more biactive"
             " nodes at the contact edge, where conduction keeps the contact between open and closed. A conducting"
             " contact is also larger, because the medium is softer; the insulated contact under"
-            f" {AS_LARGE_FORCE:g} N has about as many nodes. Which nodes at the contact edge are"
-            " open, and where stick ends, is found by relaxation of the start from the coarser grid"
+            f" {AS_LARGE_FORCE:g} N has about as many nodes. Relaxation of the start from the coarser"
+            " grid finds which nodes at the contact edge are open, and where stick ends"
             " ([Newton's method](../explanation/solvers-newton.md#the-nonsmooth-equation)); without it, five fields"
             " take 9 steps and 74 products on 512 x 512 nodes ([ablation](#ablation-of-the-solvers))."
         ),

@@ -202,7 +202,7 @@ def section(record: Record, pictures: Path) -> str:
     ranges = "; ".join(f"{size}: {min(result):.1f} to {max(result):.1f}" for size, result in gains.items())
     parts = [
         prose(
-            "A rigid body is pressed on an elastic half space with a given force, and the codes compute the pressure."
+            "A rigid body is pressed against an elastic half space with a given force; the codes compute the pressure."
             " The jobs are a sphere on a free half space, and a rough surface on a periodic and on a free half space."
             f" {', '.join(codes[:-1])} and {codes[-1]} solve the same problems with the same densities. The time of the"
             " fastest other code divided by that of meeframe is, by nodes along a side and from the job with the"
@@ -266,8 +266,8 @@ def _threads(record: Record) -> str:
     return (
         f"Two threads gain little: at {size} x {size} they take {min(ratios):.2f} to {max(ratios):.2f} times the wall"
         " time of one thread. They share only the products with the compliance, which take little more than half of"
-        " the time of a solution and become at best a quarter faster ([measured](#products-by-two-threads)). The rest"
-        " are operations on vectors by one thread."
+        " the time of a solution and become at best a quarter faster ([measured](#products-with-two-threads)). The rest"
+        " are vector operations with one thread."
     )
 
 

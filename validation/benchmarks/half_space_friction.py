@@ -193,8 +193,8 @@ def section(record: Record, pictures: Path) -> str:
     return "\n\n".join(
         [
             prose(
-                "A sphere is pressed on a half space and dragged along it with half the force at which it would slide"
-                " (Cattaneo and Mindlin's contact): an outer annulus slips, the centre sticks. meeframe and the"
+                "A sphere is pressed against a half space and dragged along it with half the force at which it would"
+                " slide (Cattaneo and Mindlin's contact): an outer annulus slips, the centre sticks. meeframe and the"
                 " frictional solvers of Tamaas compute the tractions. Residuals of meeframe are at most"
                 f" {tight:.0e} on all grids, those of Tamaas at least {best:.0e}."
             ),

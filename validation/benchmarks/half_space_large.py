@@ -104,9 +104,9 @@ def section(record: Record, _pictures: Path) -> str:
     return "\n\n".join(
         [
             prose(
-                "The rough jobs of the section above on the largest grids, by the two fastest codes: one run each, one"
-                " thread, double precision. The memory is the largest resident memory of the process, with the"
-                " interpreter and the heights."
+                "The two fastest codes solve the rough jobs of the previous section on the largest grids, with one run"
+                " each, one thread and double precision. The memory is the largest resident memory of the process,"
+                " including the interpreter and the heights."
             ),
             table(heads, rows),
         ]

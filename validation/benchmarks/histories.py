@@ -107,13 +107,13 @@ def section(record: Record, _pictures: Path) -> str:
     return "\n\n".join(
         [
             prose(
-                "A sphere is pressed on a half space of the material of Table 1 and dragged along it with friction"
-                f" (coefficient 0.3) until nearly all of the contact slips, in {PRESS} and {DRAG} increments; and the"
+                "A sphere is pressed against a half space of the material of Table 1 and dragged along it with friction"
+                f" (coefficient 0.3) until nearly the whole contact slips, in {PRESS} and {DRAG} increments. The"
                 " hysteresis loop of `validation/load_histories` runs on the mesh of section 7.1 of the paper, whose"
-                " compliance is stored as a matrix. Each increment starts from the loads of the increment before,"
-                f" continued linearly. Contact alone with {record['threads']} threads; medians of"
-                f" {record['turns']} turns. The whole command of the history on 32 x 32 nodes, with start-up and files,"
-                f" takes {record['command']:.1f} s."
+                " compliance is stored as a matrix. Each increment starts from the loads of the previous ones,"
+                " continued linearly. Times are those of the contact stage with"
+                f" {record['threads']} threads, medians of {record['turns']} runs. The whole command for the history on"
+                f" 32 x 32 nodes, with start-up and files, takes {record['command']:.1f} s."
             ),
             figures(highlights(record)),
             table(heads, rows),

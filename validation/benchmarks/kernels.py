@@ -273,7 +273,7 @@ def _roofline(record: Record) -> list[str]:
         ),
         table(("", "operations", "GFLOP/s", "products", "of the peak", "bytes of the table", "GB/s"), rows),
         prose(
-            f"The interpolation alone, {done['products']['interpolation']} products, takes {alone['one_us']:.3f} µs if"
+            f"The interpolation itself, {done['products']['interpolation']} products, takes {alone['one_us']:.3f} µs if"
             f" all points lie in one cell, which is {busy('interpolation', alone['one_us'])} of the peak, and"
             f" {alone['others_us']:.3f} µs if each point lies in another cell than the last and its coefficients come"
             " from the third level (best times, alternating with the multiply-adds of the peak). Unsorted points come"

@@ -56,9 +56,9 @@ To regenerate this page, run
 ASPHER is built from source for this, with a C++17 compiler, CMake and Eigen (`libeigen3-dev` on Debian). Each section
 is a module of [validation/benchmarks](../../validation/benchmarks), which can also be run alone; its figures are
 stored in the folder `records` beside it. Other codes are measured in the same run as meeframe, alternately. Times are
-medians with warm numba caches unless stated otherwise. The machines are shared, and the same job takes up to 1.7 times
-as long on another day: compare times of the same section only. The load average is that of the last minute before a
-benchmark, in which another one may have run. All but the last run on CPUs only."""
+medians with warm numba caches unless stated otherwise. The machines are shared, and the same job may take 1.7 times
+as long on another day: compare only times of the same section. The load average is that of the last minute before a
+benchmark, during which another benchmark may have run. Only the last section uses a graphics processor."""
 
 
 def main() -> None:

@@ -113,9 +113,10 @@ def section(record: Record, _pictures: Path) -> str:
     return "\n\n".join(
         [
             prose(
-                f"Writing increments on {record['nodes']} x {record['nodes']} nodes, processor time: medians of "
-                f"increments {EARLY[0]} to {EARLY[1]} and of the last {LATE[1] - LATE[0] + 1} of "
-                f"{len(record['friction']['seconds'])}. At the end they are moved into one file. For each increment:"
+                f"The table shows the processor time for writing an increment on {record['nodes']} x {record['nodes']} "
+                f"nodes: medians of increments {EARLY[0]} to {EARLY[1]} and of the last {LATE[1] - LATE[0] + 1} of "
+                f"{len(record['friction']['seconds'])}. At the end, all increments are moved into one file; time and "
+                "size are also stated per increment."
             ),
             table(heads, rows),
         ]

@@ -121,9 +121,9 @@ def section(record: Record, _pictures: object) -> str:
         [
             prose(
                 "A rigid sphere rolls on steel with two creepages and spin (friction coefficient 0.3); its contact is"
-                " two thirds of the zone across, and part of it slips. Steady states are found directly, from"
-                " coarser grids; transient increments begin at the sphere at rest. Times are of contact alone, with one"
-                " thread; iterations and products with the compliance are per increment."
+                " two thirds of the zone across, and part of it slips. Steady states are solved for directly,"
+                " starting from coarser grids; transient increments begin with the sphere at rest. Times are those of"
+                " the contact stage with one thread; iterations and products with the compliance are per increment."
             ),
             figures(highlights(record)),
             table(heads, cells),

@@ -94,10 +94,9 @@ def section(record: Record, _pictures: Path) -> str:
     return "\n\n".join(
         [
             prose(
-                "This benchmark measures the time before a command does anything: medians of whole processes, "
-                "alternating. `meeframe check` loads the kernels and plugins that every case needs. Modules that only "
-                "some cases need, such as those for other than prefixed units, for figures and for sweeps, are loaded "
-                "on demand."
+                "This benchmark measures the time before a command does anything, as medians of whole processes that "
+                "run alternately. `meeframe check` loads the kernels and plugins that every case needs. Modules that "
+                "only some cases need, such as those for unusual units, figures and sweeps, are loaded on demand."
             ),
             figures(highlights(record)),
             table(("process", "wall time [s]", "processor time [s]"), rows),

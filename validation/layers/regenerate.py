@@ -20,24 +20,24 @@ from study import DIVISIONS, QUANTITIES, STACKS, compare, of_numbers
 DOCS = Path(__file__).parents[2] / "docs" / "validation"
 HEAD = """# Layers
 
-This page compares the response of layers by two methods: [`half-space`](../explanation/layers.md), which adds up waves,
-and finite elements, [`skfem`](../explanation/skfem.md), whose mesh is fitted to the interfaces. Three
-magneto-electro-elastic stacks on rigid bases are 4 µm thick in all, with films of 1 µm. They carry a pressure, a drag
-and fluxes of both fields that are distributed like a Gaussian with a standard deviation of 0.6 µm. The half space has
-64 x 64 cells; finite elements of 27 nodes extend to 20 µm on each side. To regenerate the numbers, run
-`uv run python validation/layers/regenerate.py`."""
+This page compares the response of layers from two methods: [`half-space`](../explanation/layers.md), which adds up
+waves, and finite elements, [`skfem`](../explanation/skfem.md), whose mesh is fitted to the interfaces. Three
+magneto-electro-elastic stacks on rigid bases have a total thickness of 4 µm, with films of 1 µm. They carry a pressure,
+a drag and fluxes of both fields, each with a Gaussian distribution whose standard deviation is 0.6 µm. The half space
+has 64 x 64 cells; finite elements of 27 nodes extend to 20 µm on each side. To regenerate the numbers, run `uv run
+python validation/layers/regenerate.py`."""
 MEANS = """## Displacement and potentials
 
-Means under the load, and differences of finite elements from them: on each mesh, by its number of elements along the 4
-µm of the loaded zone, and extrapolated to elements of zero size from the first and the last mesh. The order 4 of the
-extrapolation is theoretical and not observed: films are one element thick on the first mesh and two on both others, so
-that differences decrease irregularly. With order 2 instead, extrapolated values would move further by a quarter of the
-difference between these meshes."""
+The table shows means under the load, and the differences of finite elements from them. Meshes are named by the number
+of elements along the 4 µm of the loaded zone; the last column is extrapolated to elements of zero size from the first
+and the last mesh. The order 4 of the extrapolation is theoretical, not observed: films are one element thick on the
+first mesh and two on both others, so differences decrease irregularly. With order 2 instead, extrapolated values would
+move further by a quarter of the difference between these meshes."""
 TRACTIONS = """## Tractions above the first interface
 
-Root of the mean square difference of the three tractions in the loaded zone, relative to that of the tractions, at the
-Gauss points next to the interface of the elements above it. Stresses of quadratic elements are most accurate there, and
-least accurate on the interface itself, where they jump."""
+The table shows the root mean square difference of the three tractions in the loaded zone, relative to the root mean
+square of the tractions. They are compared at the Gauss points next to the interface in the elements above it. Stresses
+of quadratic elements are most accurate there, and least accurate on the interface itself, where they jump."""
 
 
 def main() -> None:

@@ -66,7 +66,7 @@ def from_cattaneo() -> Iterator[Item]:
     ]
     result = roll(1e6, 0.28, (spacing, spacing), (34, 33), (radius, radius), friction, steps, -0.5 * spacing)
     _, shift, first, end = result
-    words = "held force, 34 x 33 nodes as CONTACT"
+    words = "constant force, 34 x 33 nodes as in CONTACT"
     yield Check(f"{words}: shift at rest [mm]", 1e3 * shift.loading.translation[0], 1.774e-2, 3e-4)
     for step, reference, when in ((first, 1.824e-3, "after one cell"), (end, 3.101e-3, "in the steady state")):
         creepage = rolling_totals(result.zone, step)["creepage"][0]
@@ -88,7 +88,7 @@ def ellipse() -> Iterator[Item]:
     result = roll(shear, poisson, spacing, (48, 44), radii((a, 2.0 * a)), friction, steps)
     numbers = [rolling_totals(result.zone, step) for step in result[1:]]
     forces = np.array([each["creep_force"][0] for each in numbers]) / (friction * force)
-    words = "ellipse 1 : 2, 48 x 44 nodes as CONTACT"
+    words = "ellipse 1 : 2, 48 x 44 nodes as in CONTACT"
     for (creepage, reference), computed in zip(printed.items(), forces, strict=False):
         yield Check(f"{words}: F / mu N at xi = {creepage:g}", float(computed), reference, 1e-4, absolute=True)
     yield Check(f"{words}: F / mu N at xi = {creepages[-1]:g}", float(forces[-1]), 1.0, 1e-3)
@@ -118,7 +118,7 @@ def free_rolling(quick: bool) -> Iterator[Item]:
     both ends of the contact: they are p0 cosh(pi eps) (1 - x)^(1/2 + i eps) (1 + x)^(1/2 - i eps) in half widths a,
     with tanh(pi eps) = beta and p0 = E* a / 2 R. The force is pi a p0 (1 + 4 eps^2) / 2, the creepage 2 eps a / R.
     """
-    words = "unlike cylinders without tangential force, 200 nodes across as CONTACT"
+    words = "unlike cylinders without tangential force, 200 nodes across as in CONTACT"
     values = (1e-4, 5.260e-4, 103.1), (0.05, 4.294e-4, 103.6), (10.0, 3.591e-4, 103.8)
     for friction, printed, peak in values[2:] if quick else values:
         creepage, pressure = unlike_cylinders(friction, 1e-6, 216)
@@ -163,7 +163,7 @@ def limits_of_creepage(quick: bool) -> Iterator[Item]:
     for each in grids:
         result = spheres(each, [steady((0.0, 0.0), spin=spin) for spin in (1.0 / SPHERE, 1e3 / SPHERE)])
         numbers.append([meeframe.resultants(result.zone, step) for step in result[1:]])
-    words = f"spheres, spin alone, {grids[0]} and {grids[1]} nodes across, extrapolated"
+    words = f"spheres, pure spin, {grids[0]} and {grids[1]} nodes across, extrapolated"
     forces = 2.0 * numbers[1][1].tangential_force - numbers[0][1].tangential_force
     lateral = float(forces[1]) / (FRICTION * FORCE)
     yield Check(f"{words}: lateral F / mu N at large spin", lateral, 0.0, 0.01, absolute=True)
@@ -171,7 +171,7 @@ def limits_of_creepage(quick: bool) -> Iterator[Item]:
     extrapolated = 2.0 * numbers[1][1].torque - numbers[0][1].torque
     yield Check(f"{words}: torque at large spin", extrapolated, torque, 0.02, "N m")
     along = float(numbers[1][0].tangential_force[0]) / (FRICTION * FORCE)
-    words = f"spheres, spin alone, {grids[1]} nodes across, phi R = 1: F / mu N along the direction"
+    words = f"spheres, pure spin, {grids[1]} nodes across, phi R = 1: F / mu N along the direction"
     yield Check(words, along, 0.0, 1e-8, absolute=True)
 
 

@@ -14,7 +14,7 @@ from meeframe.system.dense import DenseSystem
 from meeframe.testing.elastic_half_space import elastic_half_space
 from meeframe.testing.load_path import PathStep, Position, follow
 
-TITLE = "Spence: stick radius under normal load alone"
+TITLE = "Spence: stick radius under a normal load"
 SOURCE = (
     "Spence, Proc. R. Soc. A 305 (1968) 55 and J. Elasticity 5 (1975) 297, assuming that tangential tractions "
     "cause no normal displacement: the stick radius c/a = k is the same for punch, cone and sphere at every load, "

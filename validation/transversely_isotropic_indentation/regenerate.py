@@ -204,9 +204,8 @@ def _convergence(case: Case, meshes: list[Refinement]) -> str:
         "",
         "The table shows differences from the closed forms in per cent; a: contact radius, L: half width of",
         "the block, h: element size in the zone. Rings and layers are finer than on the paper's mesh; the",
-        "first line is the paper's block on this finer mesh. The half space is a semi-infinite body, of"
-        " which only the plane"
-        " around the zone is meshed.",
+        "first line is the paper's block on this finer mesh. The half space is a semi-infinite body; only a part of its"
+        " surface around the zone is meshed.",
         "",
         "| L/a | a/h | elements | " + " | ".join(f"{condition} {symbols[key]}" for condition, key in names) + " |",
         "| --- " * (3 + len(names)) + "|",

@@ -57,7 +57,7 @@ def _hertz(rows: list[Hertz], share: float) -> list[str]:
         "This page compares two-body contact with closed forms. The compliances of both bodies add up",
         "([theory](../explanation/theory.md#two-deformable-bodies)). To regenerate the numbers, run",
         f"`uv run python validation/{NAME}/regenerate.py`, which uses the case files in its folder. The",
-        "bodies are half spaces by boundary elements, with 16 x 16 elements in the contact zone of 5 x 5",
+        "bodies are half spaces in boundary elements, with 16 x 16 elements in the contact zone of 5 x 5",
         "mm. The shape of the gap has R = 100 mm, and the approach is 50 µm.",
         "",
         "## Hertz",

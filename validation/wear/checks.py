@@ -154,7 +154,7 @@ def fretting(quick: bool) -> Iterator[Item]:
         second_body=meeframe.SecondBody(material, mesh, formulation=formulation),
     )
     zone, step = result.zone, result[-1]
-    sticks, words = step.region == Region.STICK, f"fretting at a held approach, {cells} cells"
+    sticks, words = step.region == Region.STICK, f"fretting at a constant approach, {cells} cells"
     stick = float(np.sqrt(zone.weights @ sticks / np.pi))
     yield Check(f"{words}: stick radius", stick, STICK * radius, 0.5 * 2.6 * radius / cells, "m", True)
     limit = fretting_force(YOUNG / 2.0, SPHERE, depth, stick)
