@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 _SAMPLES: Final = 32
 _SAMPLE_BYTES: Final = 4096
