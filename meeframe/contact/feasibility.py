@@ -147,11 +147,11 @@ def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales
     if any(2 in problem.prescribed_resultants[k].density_fields for k in tangential):
         return (
             "the ratio of tangential to normal force prescribed is more than friction bears: all slips, or nothing "
-            f"touches, and at the pressures found the force is missed by {friction} N, N m; {allowed}"
+            f"touches, and at the pressures found the force is missed by {friction} N, N m ({allowed})"
         )
     return (
         f"the tangential forces and moments prescribed ({prescribed} N, N m) are more than friction bears: all slips, "
-        f"and at the pressures found they reach {friction}; {allowed}"
+        f"and at the pressures found they reach {friction} ({allowed})"
     )
 
 
@@ -193,7 +193,7 @@ def beyond_conduction(problem: ContactProblem, state: ContactState, scales: Scal
             names = " or ".join(problem.channels[i].field.resultant.replace("_", " ") for i in channels)
             return (
                 f"a {names} of {resultant.total:.4g} is prescribed, but no node conducts it at the pressures "
-                "found; allowed: a potential in its place, or more pressure"
+                "found (allowed: a potential in its place, or more pressure)"
             )
     return None
 

@@ -101,8 +101,8 @@ def bending_warnings(body: Body, ratio: float = RATIO, advice: str = "") -> tupl
     return tuple(
         f"the body extends {limb.length:.3g} m from its supports, or from where it is thicker, at "
         f"({', '.join(f'{x:.3g}' for x in limb.at)}) [m], {limb.length / limb.thickness:.3g} times its thickness of "
-        f"{limb.thickness:.3g} m: its bending may be inaccurate; {advice}compare with a mesh twice as fine, or use "
-        "finite elements (formulation skfem)"
+        f"{limb.thickness:.3g} m, so that its bending may be inaccurate: {advice}compare with a mesh twice as fine, or "
+        "use finite elements (formulation skfem)"
         for limb in find_slender_limbs(body, min(ratio, LINEAR_RATIO) if linear else ratio)
     )
 

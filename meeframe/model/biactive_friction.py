@@ -15,7 +15,7 @@ from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction,
 from meeframe.model.easier_laws import Easing
 from meeframe.model.history import ConvergedState
 from meeframe.model.kinematics import Increment
-from meeframe.results.records import StepResult
+from meeframe.results.records import StepResult, join_sentences
 
 Solution = tuple[Increment, ConvergedState, StepResult]
 SolveEased = Callable[[ContactState | None, Easing], Solution]
@@ -183,7 +183,7 @@ def with_biactive_nodes(solution: Solution, ratio: float) -> Solution:
         )
     else:
         words = f"from a state with friction of at most {ratio:.4g} times the pressure"
-    return planned, end, replace(result, message=f"{result.message}; {words}")
+    return planned, end, replace(result, message=join_sentences(result.message, words))
 
 
 def _biactive(problem: ContactProblem, state: ContactState, gap: Array, ratio: float) -> tuple[Array, Mask]:

@@ -14,6 +14,7 @@ from meeframe.contact.residual import node_blocks
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import N_MECHANICAL, Array
 from meeframe.laws.base import GAPS, PRESSURES, ConductivityLaw, contact_traction
+from meeframe.results.records import join_sentences
 
 _FAILED_PRESSURE_RATIO: Final = 10.0
 """Multiple of the characteristic pressure from which on an iteration is known to have failed earlier."""
@@ -106,7 +107,7 @@ def check_conduction(problem: ContactProblem, solution: ContactSolution) -> Cont
             spoilt = not finite or np.isnan(answer.kappa)
             if solution.status is Status.CONVERGED or (spoilt and -answer.traction <= most):
                 raise CaseError(message)
-            solution = replace(solution, message=f"{solution.message}; {message}")
+            solution = replace(solution, message=join_sentences(solution.message, message))
     return solution
 
 

@@ -21,6 +21,7 @@ from meeframe.model.biactive_friction import (
     with_biactive_nodes,
 )
 from meeframe.model.easier_laws import EXACT, Easing
+from meeframe.results.records import join_sentences
 from meeframe.system.capabilities import EdgeResolution
 
 SolveFrom = Callable[[float, ContactState | None], Solution | None]
@@ -376,7 +377,7 @@ def _may_attract(problem: ContactProblem) -> bool:
 def _with_words(solution: Solution, words: str) -> Solution:
     """Return a solution with further words in its message."""
     planned, end, result = solution
-    return planned, end, replace(result, message=f"{result.message}; {words}")
+    return planned, end, replace(result, message=join_sentences(result.message, words))
 
 
 def solve_by_continuation(solve: SolveFrom, failed: Solution, least: float = _MIN_FRACTION) -> Solution:

@@ -24,7 +24,7 @@ from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
 from meeframe.plugin.hookspecs import PROJECT
 from meeframe.plugin.sources import BUNDLED_PACKAGES
-from meeframe.results.records import Region, StepResult, Zone, zone_of
+from meeframe.results.records import Region, StepResult, Zone, join_sentences, zone_of
 from meeframe.system.capabilities import diagonal
 from meeframe.system.reduced import ReducedSystem
 
@@ -134,7 +134,7 @@ class Diagnostics:
 
 def with_message(result: StepResult, sentences: Iterable[str]) -> StepResult:
     """Return the result with further sentences in its message."""
-    return replace(result, message="; ".join([result.message, *sentences]))
+    return replace(result, message=join_sentences(result.message, *sentences))
 
 
 def diagnostics(zone: Zone, step: StepResult, law: ContactLaw, sides: int = 0, distant: bool = False) -> Iterator[str]:
@@ -230,7 +230,7 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     uncertain = _AREA_UNCERTAINTY * (at_edge / count) ** 1.5
     if uncertain > _MAX_AREA_UNCERTAINTY:
         nodes = "one node" if count == 1 else f"{count} nodes, {at_edge} of them at its edge"
-        yield f"the contact has {nodes}: its area is uncertain by about {uncertain:.0%}; use more divisions"
+        yield f"the contact has {nodes}: its area is uncertain by about {uncertain:.0%} (use more divisions)"
 
 
 def _failed_onset(step: StepResult, law: ContactLaw, onsets: ContactOnsets) -> Iterator[str]:
@@ -342,7 +342,7 @@ def snap_in(system: ReducedSystem, law: ContactLaw, step: StepResult) -> Iterato
     size = longest_side(system.points, system.cells) or float(np.sqrt(system.weights.max()))
     yield (
         f"the attraction decreases {ratio:.3g} times as steeply with the gap as a single node resists: nodes snap into "
-        "contact one by one, and forces may be wrong and depend on the loading path; use elements of at most "
+        "contact one by one, and forces may be wrong and depend on the loading path. Use elements of at most "
         f"{size / ratio:.2g} m (here {size:.2g} m) or an attraction with a longer range"
     )
 

@@ -54,14 +54,14 @@ def heat_diagnostics(body: Body, increment: Increment, result: StepResult, weigh
     elif _draws_heat_perfectly(body, increment, result, weights):
         yield (
             "perfect conduction of heat to a colder indenter: next to the edge of contact neither contact nor "
-            "separation is possible; the nodes are too far apart to show the ring that conducts in part there"
+            "separation is possible, and the nodes are too far apart to show the ring that conducts in part there"
         )
     if not result.touching.any():
         return
     if is_solved_without_contact(increment.problem):
         yield (
-            "several solutions: only the heat or other fluxes through the contact cause it; separation is a solution "
-            "as well, and the previous state determines which one is found"
+            "several solutions: only the heat or other fluxes through the contact cause it, and separation is a "
+            "solution as well: the previous state determines which one is found"
         )
     if not increment.problem.friction_heat:
         return
@@ -69,7 +69,7 @@ def heat_diagnostics(body: Body, increment: Increment, result: StepResult, weigh
     if heating > 0.0:
         yield (
             f"frictional heat: lambda = {heating:.3g}, {heating / CRITICAL:.0%} of the critical value at which no "
-            "pressure makes a round contact grow any further; at and beyond it there is no steady state"
+            "pressure makes a round contact grow any further. At and beyond it there is no steady state"
         )
 
 

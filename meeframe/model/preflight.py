@@ -91,7 +91,7 @@ def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
             yield (
                 f"the indenter overlaps the undeformed body on the whole contact zone {case.zone!r}, by "
                 f"{-gap.max():.3g} to {-gap.min():.3g} m, at an approach of {_approach(increment):.3g} m: the contact "
-                "will reach the boundary of the zone; unless full contact is intended, the zone is too small or the "
+                "will reach the boundary of the zone. Unless full contact is intended, the zone is too small or the "
                 "approach too large"
             )
             return
@@ -139,7 +139,7 @@ def _outside_zone(case: CaseData) -> str:
     if least_x <= x <= most_x and least_y <= y <= most_y:
         return ""
     return (
-        f"; its lowest point, at x = {x:.3g} m and y = {y:.3g} m, lies outside that zone, which extends from "
+        f". Its lowest point, at x = {x:.3g} m and y = {y:.3g} m, lies outside that zone, which extends from "
         f"x = {least_x:.3g} to {most_x:.3g} m and from y = {least_y:.3g} to {most_y:.3g} m"
     )
 

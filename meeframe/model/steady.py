@@ -10,7 +10,7 @@ from meeframe.contact.problem import Status
 from meeframe.fields import Array
 from meeframe.model.history import ConvergedState
 from meeframe.model.kinematics import Increment
-from meeframe.results.records import StepResult
+from meeframe.results.records import StepResult, join_sentences
 from meeframe.system.rolling import CellShift
 
 Solution = tuple[Increment, ConvergedState, StepResult]
@@ -54,10 +54,10 @@ def solve_steady(solve: Solve, here: ConvergedState, cell_shift: CellShift, has_
             return increment, end, result
         passed = path_before(result, cell_shift)
         if np.abs(passed - path).max() <= _PATH_TOLERANCE * passed.max():
-            message = f"{result.message}; {count} states until the slip path was steady"
+            message = join_sentences(result.message, f"{count} states until the slip path was steady")
             return increment, end, replace(result, iterations=iterations, message=message)
         path, start = passed, replace(start, state=end.state)
-    message = f"{result.message}; the slip path is not steady after {_MAX_STATES} states"
+    message = join_sentences(result.message, f"the slip path is not steady after {_MAX_STATES} states")
     return increment, here, replace(result, status=Status.STALLED, iterations=iterations, message=message)
 
 

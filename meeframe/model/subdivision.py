@@ -10,7 +10,7 @@ from meeframe.contact.problem import Status
 from meeframe.fields import Array
 from meeframe.model.history import ConvergedState
 from meeframe.model.kinematics import Increment
-from meeframe.results.records import StepResult
+from meeframe.results.records import StepResult, join_sentences
 
 Solve = Callable[[float, float, ConvergedState, int | None], tuple[Increment, ConvergedState, StepResult]]
 """Solves a subincrement between two fractions of an increment, from a converged state, with a window of stagnation."""
@@ -91,5 +91,7 @@ def _combined(results: Sequence[StepResult]) -> StepResult:
         slip=np.sum([result.slip for result in results], axis=0),
         dissipation=np.sum([result.dissipation for result in results], axis=0),
         iterations=sum(result.iterations for result in results),
-        message=f"{last.message}; in {len(results)} subincrements, for the pressure to change little in each",
+        message=join_sentences(
+            last.message, f"in {len(results)} subincrements, for the pressure to change little in each"
+        ),
     )

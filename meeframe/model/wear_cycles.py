@@ -11,7 +11,7 @@ from meeframe.laws.wear import WearLaw
 from meeframe.model.history import ConvergedState
 from meeframe.model.kinematics import Increment
 from meeframe.model.steady import Solution, Solve
-from meeframe.results.records import StepResult
+from meeframe.results.records import StepResult, join_sentences
 from meeframe.system.rolling import CellShift
 
 _STAGES: Final = 6
@@ -124,7 +124,7 @@ def solve_cycles(
 
     def finished(solution: Solution, sentence: str) -> Solution:
         increment, end, result = solution
-        message = f"{result.message}; {sentence}, with {states} steady states"
+        message = join_sentences(result.message, f"{sentence}, with {states} steady states")
         end = replace(end, cycles=here.cycles + done)
         loading = result.loading
         if loading.rolling is not None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
-from typing import NamedTuple, final, overload
+from typing import Final, NamedTuple, final, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,19 @@ class RunStatus(StrEnum):
     CONVERGED = "converged"
     NOT_CONVERGED = "not-converged"
     UNFINISHED = "unfinished"
+
+
+_SENTENCE_SEPARATOR: Final = "; "
+
+
+def join_sentences(message: str, *sentences: str) -> str:
+    """Return a message with further sentences, whose semicolons become commas: in messages they separate sentences."""
+    return _SENTENCE_SEPARATOR.join([message, *(text.replace(_SENTENCE_SEPARATOR, ", ") for text in sentences)])
+
+
+def sentences_of(message: str) -> list[str]:
+    """Return the sentences of a message."""
+    return message.split(_SENTENCE_SEPARATOR)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,16 @@ from meeframe.indenters.base import RIGID_MOTIONS, IndenterMotions
 from meeframe.results import schema
 from meeframe.results.balance import Unbalance, balanced_names, unbalance
 from meeframe.results.history import name_of
-from meeframe.results.records import Overview, Result, RunStatus, StepResult, StoredSteps, Zone
+from meeframe.results.records import (
+    Overview,
+    Result,
+    RunStatus,
+    StepResult,
+    StoredSteps,
+    Zone,
+    join_sentences,
+    sentences_of,
+)
 from meeframe.results.selection import Which, overviews, position, select
 
 AT_BOUNDARY: Final = (
@@ -174,14 +183,14 @@ def _messages(result: Result, reporting: Sequence[Overview]) -> Iterator[Text]:
     """Yield the messages of increments; what several of them share is written once, after the others."""
     numbers: dict[str, list[int]] = {}
     for number, step in enumerate(reporting):
-        for clause in step.message.split("; "):
-            numbers.setdefault(clause, []).append(number)
-    clauses: dict[tuple[int, ...], list[str]] = {}
-    for clause, where in numbers.items():
-        clauses.setdefault(tuple(dict.fromkeys(where)), []).append(clause)
-    for positions in sorted(clauses, key=lambda each: (len(each) > 1, each)):
+        for sentence in sentences_of(step.message):
+            numbers.setdefault(sentence, []).append(number)
+    sentences: dict[tuple[int, ...], list[str]] = {}
+    for sentence, where in numbers.items():
+        sentences.setdefault(tuple(dict.fromkeys(where)), []).append(sentence)
+    for positions in sorted(sentences, key=lambda each: (len(each) > 1, each)):
         names = _names(result, [reporting[number] for number in positions], reporting)
-        yield Text(f"{names}: {'; '.join(clauses[positions])}")
+        yield Text(f"{names}: {join_sentences(*sentences[positions])}")
 
 
 def _names(result: Result, steps: Sequence[Overview], reporting: Sequence[Overview]) -> str:

@@ -128,7 +128,7 @@ class HierarchicalBEM(PersistentFormulation):
         if self.tolerance <= BENDING_TOLERANCE:
             return bending_warnings(body)
         return bending_warnings(
-            body, MAX_TRUNCATED_SLENDERNESS, f"take a tolerance of {BENDING_TOLERANCE:.0e} or less; "
+            body, MAX_TRUNCATED_SLENDERNESS, f"take a tolerance of {BENDING_TOLERANCE:.0e} or less, "
         )
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:

@@ -1,5 +1,6 @@
 """Test diagnostics of an increment: large motions, undetermined sliding, coarse contact."""
 
+import io
 import re
 from dataclasses import replace
 
@@ -8,6 +9,7 @@ import pytest
 from meeframe_laws.adhesive import DMTCoulomb
 from meeframe_laws.evolving import RateAndPressure
 from meeframe_laws.friction import CappedCoulomb, Tresca
+from rich.console import Console
 
 import meeframe
 from meeframe.contact.problem import Status
@@ -18,6 +20,7 @@ from meeframe.model.diagnostics import diagnostics, open_sides, sides_reached
 from meeframe.model.load import load_case
 from meeframe.model.step import Step
 from meeframe.results.records import Region
+from meeframe.results.summary import summary_table
 from meeframe.solvers import StoppingCriteria
 
 LAW = '\n[contact]\nlaw = {name = "isotropic-coulomb", mu = 0.3}\n'
@@ -216,6 +219,18 @@ def test_reported_uncertainty_of_area(bed, frictional, cells, reported):
 def test_single_node_in_contact(bed, frictional):
     (message,), _ = solve_steps(bed, frictional, Step(approach=1e-6), cells=9)
     assert "the contact has one node: its area is uncertain by about 50%" in message
+
+
+def test_advice_stays_with_its_reason(write_case, registry):
+    """Two load steps whose contacts have areas of different uncertainty share neither the reason nor the advice."""
+    case = load_case(write_case(), registry)
+    steps = Step(approach=1e-6), Step(approach=2e-5)
+    result = meeframe.solve_case(replace(case, contact_law=Signorini(), steps=steps))
+    console = Console(width=300, record=True, file=io.StringIO())
+    console.print(summary_table(result))
+    lines = [line for line in console.export_text().splitlines() if AREA in line or "use more divisions" in line]
+    assert len({line.split(AREA)[1] for line in lines}) == 2
+    assert all("use more divisions" in line.split(AREA)[1] for line in lines)
 
 
 def test_system_without_cells_has_no_boundary(bed, frictional):

@@ -164,7 +164,9 @@ class Decreasing(ConductivityLaw):
         return kappa if self.beyond is None else np.where(normal_traction < -self.limit, self.beyond, kappa)
 
 
-TOLD = r"conductivity\.electric: .* law Decreasing is (-.*|nan) under a normal traction of -\d.* Pa; allowed: numbers"
+TOLD = (
+    r"conductivity\.electric: .* law Decreasing is (-.*|nan) under a normal traction of -\d.* Pa[;,] allowed: numbers"
+)
 
 
 @pytest.mark.full(except_for=3)

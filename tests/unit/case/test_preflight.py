@@ -149,7 +149,7 @@ AWAY = "the indenter does not touch the undeformed body: at an approach of {} m 
         (
             [('"100 mm"', '"100 mm"\nx = "20 mm"'), ('"10 um"', '"1 um"')],
             AWAY.format("1e-06", "0.00153")
-            + " of the contact zone 'contact'; its lowest point, at x = 0.02 m and y = 0 m,"
+            + " of the contact zone 'contact'. Its lowest point, at x = 0.02 m and y = 0 m,"
             " lies outside that zone, which extends from x = -0.0025 to 0.0025 m and from y = -0.0025 to 0.0025 m",
         ),
         ([('"100 mm"', '"100 mm"\nx = "20 mm"'), ('"10 um"', '"2 mm"')], None),

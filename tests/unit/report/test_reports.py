@@ -13,6 +13,7 @@ from rich.console import Console
 
 from meeframe.contact.problem import Status
 from meeframe.elements import ELEMENTS
+from meeframe.model.diagnostics import with_message
 from meeframe.results.canvas import NO_CONTACT
 from meeframe.results.figures import figures, save_figure, write_figure
 from meeframe.results.picture import Picture
@@ -120,6 +121,25 @@ def test_table_says_once_what_several_increments_share(synthetic, second, lines)
     console.print(summary_table(synthetic.result(first, other), [(1, 1), second]))
     text = console.export_text().splitlines()
     assert [line for line in text if line.startswith("step")] == lines
+
+
+def test_semicolon_in_the_warning_of_a_plugin(synthetic):
+    """Warnings of plugins may contain semicolons, which must not divide them among increments."""
+    text = "the film is {} nm thick; take another formulation"
+    first, second = (
+        with_message(
+            dataclasses.replace(synthetic.step(1e-6 * number, number=number), message="done"), [text.format(nm)]
+        )
+        for number, nm in ((1, 5), (2, 7))
+    )
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(summary_table(synthetic.result(first, second), [(1, 1), (2, 1)]))
+    lines = [line for line in console.export_text().splitlines() if line.startswith("step")]
+    assert lines == [
+        "step 1: the film is 5 nm thick, take another formulation",
+        "step 2: the film is 7 nm thick, take another formulation",
+        "steps 1 and 2: done",
+    ]
 
 
 def test_figures_are_drawn(tmp_path, synthetic):
