@@ -7,17 +7,14 @@ from typing import Final
 import numpy as np
 
 from meeframe.contact.conduction import Mask
-from meeframe.contact.problem import ContactProblem, ContactState, Status, contact_gap
+from meeframe.contact.problem import ContactProblem, ContactState, contact_gap
 from meeframe.contact.residual import MIN_JUMP, law_residual
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, Array
 from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction, resolve
 from meeframe.model.easier_laws import Easing
-from meeframe.model.history import ConvergedState
-from meeframe.model.kinematics import Increment
-from meeframe.results.records import StepResult, join_sentences
+from meeframe.model.kinematics import Solution
 
-Solution = tuple[Increment, ConvergedState, StepResult]
 SolveEased = Callable[[ContactState | None, Easing], Solution]
 """Solves an increment under easier laws, from an initial guess or, with None, the usual one."""
 
@@ -64,7 +61,7 @@ def solve_from_biactive_friction(
         for friction in frictions:
             pull = friction / ratio
             capped = solve(start, Easing(ratio, pull=pull if pull.any() else None))
-            if capped[2].status is Status.CONVERGED:
+            if capped.is_converged:
                 solution = solve_with_biactive_friction(solve, capped, ratio, exact, tolerance, pull)
                 if solution is not None:
                     return solution
@@ -88,7 +85,7 @@ def solve_with_biactive_friction(
     ----------
     solve : callable
         Solves the increment under easier laws.
-    capped : tuple
+    capped : Solution
         Increment under friction of at most a multiple of the pressure.
     ratio : float
         The multiple.
@@ -99,29 +96,29 @@ def solve_with_biactive_friction(
     pull : Array, optional
         (n,), attraction [Pa] in that increment; zero by default.
     """
-    (planned, end, result), share = capped, 1.0
-    iterations, pull = result.iterations, np.zeros(len(exact.gap)) if pull is None else pull
+    solution, share = capped, 1.0
+    iterations, pull = capped.result.iterations, np.zeros(len(exact.gap)) if pull is None else pull
     pulls: list[Array] = []
     pressures: list[Array] = []
     for _ in range(_MAX_PULLS):
-        assert end.state is not None
+        state, planned = solution.end.state, solution.increment
+        assert state is not None
         problem = replace(planned.problem, contact_law=exact.contact_law, channels=exact.channels)
-        residual = law_residual(problem, end.state, problem_scales(problem))
+        residual = law_residual(problem, state, problem_scales(problem))
         if residual <= tolerance:
-            result = replace(result, residual=residual, iterations=iterations)
-            return with_biactive_nodes((replace(planned, problem=problem), end, result), ratio)
-        pressure = _capped_pressure(planned.problem, end.state, exact.contact_law, ratio, pull)
+            solution = solution._replace(increment=replace(planned, problem=problem))
+            return with_biactive_nodes(solution.with_result(residual=residual, iterations=iterations), ratio)
+        pressure = _capped_pressure(planned.problem, state, exact.contact_law, ratio, pull)
         pulls, pressures = [*pulls, pull][-_MEMORY:], [*pressures, pressure][-_MEMORY:]
         change = _next_value(pulls, pressures) - pull
         while True:
-            solution = solve(_relieved(end.state, share * change), Easing(ratio, pull=pull + share * change))
-            iterations += solution[2].iterations
-            if solution[2].status is Status.CONVERGED:
+            solution = solve(_relieved(state, share * change), Easing(ratio, pull=pull + share * change))
+            iterations += solution.result.iterations
+            if solution.is_converged:
                 break
             if share <= _MIN_SHARE:
                 return None
             share /= 2.0
-        planned, end, result = solution
         pull, share = pull + share * change, min(2.0 * share, 1.0)
     return None
 
@@ -169,11 +166,10 @@ def with_biactive_nodes(solution: Solution, ratio: float) -> Solution:
 
     ratio: the multiple, of the friction in the state from which the solution was found.
     """
-    planned, end, result = solution
-    assert end.state is not None
-    problem = planned.problem
-    gap = contact_gap(problem, end.state.displacement, end.state.motion)[:, 2]
-    is_biactive = _biactive(problem, end.state, gap, ratio)[1]
+    problem, state = solution.increment.problem, solution.end.state
+    assert state is not None
+    gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
+    is_biactive = _biactive(problem, state, gap, ratio)[1]
     if is_biactive.any():
         position = ", ".join(f"{value:.4g}" for value in problem.system.points[is_biactive].mean(axis=0))
         number = int(is_biactive.sum())
@@ -183,7 +179,7 @@ def with_biactive_nodes(solution: Solution, ratio: float) -> Solution:
         )
     else:
         words = f"from a state with friction of at most {ratio:.4g} times the pressure"
-    return planned, end, replace(result, message=join_sentences(result.message, words))
+    return solution.with_sentence(words)
 
 
 def _biactive(problem: ContactProblem, state: ContactState, gap: Array, ratio: float) -> tuple[Array, Mask]:

@@ -14,14 +14,13 @@ from meeframe.contact.scales import problem_scales
 from meeframe.indenters.base import N_RIGID, RIGID_MOTIONS
 from meeframe.laws.base import is_adhesive
 from meeframe.model.biactive_friction import (
-    Solution,
     SolveEased,
     solve_from_biactive_friction,
     solve_with_biactive_friction,
     with_biactive_nodes,
 )
 from meeframe.model.easier_laws import EXACT, Easing
-from meeframe.results.records import join_sentences
+from meeframe.model.kinematics import Solution
 from meeframe.system.capabilities import EdgeResolution
 
 SolveFrom = Callable[[float, ContactState | None], Solution | None]
@@ -111,12 +110,12 @@ def solve_persistently(
 
     Returns
     -------
-    tuple
+    Solution
         Solution, or the increment as it ended last.
     """
     is_brief, reached = stores or has_large_friction, 0.0
     solution = solve(Attempt(stall_window=window if is_brief else None))
-    if solution[2].status in _FINAL:
+    if solution.result.status in _FINAL:
         return solution
     brief = Attempt(stall_window=window, stores=stores)
 
@@ -129,28 +128,28 @@ def solve_persistently(
             return capped
     if is_brief:
         solution = solve(Attempt(stores=stores))
-        if solution[2].status in _FINAL:
+        if solution.result.status in _FINAL:
             return solution
     if reached > 0.0:
         words = f"with friction of at most {reached:.3g} times the pressure there is a state, with more none was found"
-        solution = _with_words(solution, words)
-    if conducting(solution[0].problem):
+        solution = solution.with_sentence(words)
+    if conducting(solution.increment.problem):
         conducted, factor = solve_by_scaled_conduction(solve_eased, solution)
         if conducted is not None:
             return conducted
         if factor > 0.0:
             words = f"with {factor:.3g} times the conductivities there is a state, with more none was found"
-            solution = _with_words(solution, words)
-    if "normal_force" in solution[0].prescribed and _may_attract(solution[0].problem):
+            solution = solution.with_sentence(words)
+    if "normal_force" in solution.increment.prescribed and _may_attract(solution.increment.problem):
         approached, words = solve_by_approach(solve_eased, solution)
         if approached is not None:
             return approached
-        solution = _with_words(solution, words) if words else solution
+        solution = solution.with_sentence(words) if words else solution
     # with the contact edge between nodes it began at a solution, the one with the contact edge at nodes
-    has_start = solution[2].area_fraction is not None
+    has_start = solution.result.area_fraction is not None
     if has_start:
         return solution
-    problem = solution[0].problem
+    problem = solution.increment.problem
     if has_large_friction and limit_jumps(problem.contact_law, len(problem.gap)):
 
         def solve_part(part: float, start: ContactState | None) -> Solution | None:
@@ -179,7 +178,7 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: flo
     ----------
     solve : callable
         Solves the increment under easier laws.
-    failed : tuple
+    failed : Solution
         Increment that did not converge from the usual initial guess.
     tolerance : float
         Residual of a solution.
@@ -196,15 +195,15 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: flo
         return solve(start, Easing(ratio=ratio))
 
     solution, path = _raise_value(by_ratio, failed, _RATIOS)
-    if not path and conducting(failed[0].problem):
+    if not path and conducting(failed.increment.problem):
         eased, _ = _raise_value(
             lambda start, factor: solve(start, Easing(_RATIOS[0], factor)), failed, _CONDUCTION_FACTORS
         )
         if eased is not None:
-            solution, path = _raise_value(by_ratio, eased, _RATIOS, eased[1].state)
+            solution, path = _raise_value(by_ratio, eased, _RATIOS, eased.end.state)
     if solution is not None:
         return with_biactive_nodes(solution, _RATIOS[1]), np.inf
-    reached, problem = path[-1][0] if path else 0.0, failed[0].problem
+    reached, problem = path[-1][0] if path else 0.0, failed.increment.problem
     while path and limit_jumps(problem.contact_law, len(problem.gap)):
         ratio, capped = path[-1]
         solution = solve_with_biactive_friction(solve, capped, ratio, problem, tolerance)
@@ -239,19 +238,19 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Sol
             lambda start, factor: solve(start, replace(easing, factor=factor)), before, _CONDUCTION_FACTORS
         )
 
-    problem = failed[0].problem
+    problem = failed.increment.problem
     resolves_edges = problem.area_fraction is not None or problem.system.capability(EdgeResolution) is not None
     solution, path = raised(Easing(at_nodes=True), failed)
     if solution is not None and resolves_edges:
-        at_nodes = solution[1].state
-        planned, end, result = solve(at_nodes, EXACT)
-        solution = planned, end, replace(result, iterations=solution[2].iterations + result.iterations)
-        if result.status is not Status.CONVERGED:
+        at_nodes = solution.end.state
+        before, solution = solution, solve(at_nodes, EXACT)
+        solution = solution.with_result(iterations=before.result.iterations + solution.result.iterations)
+        if not solution.is_converged:
             # heat that moves the surface moves the edge once more
             solution, path = (None, path) if heat_moves_surface(problem) else raised(Easing(edge_of=at_nodes), solution)
     if solution is None:
         return None, path[-1][0] if path else 0.0
-    return _with_words(solution, "from a state with smaller conductivities"), 1.0
+    return solution.with_sentence("from a state with smaller conductivities"), 1.0
 
 
 def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solution | None, str]:
@@ -264,7 +263,7 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
     ----------
     solve : callable
         Solves the increment under easier laws, with an approach in place of the force, or with None under the force.
-    failed : tuple
+    failed : Solution
         Increment that did not converge.
 
     Returns
@@ -274,7 +273,7 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
     str
         Words on the forces that were found with approaches; empty if there are none.
     """
-    planned, iterations = failed[0], failed[2].iterations
+    planned, iterations = failed.increment, failed.result.iterations
     (column,) = range(N_RIGID)[RIGID_MOTIONS["approach"]]
     approach, force = float(planned.base[column]), float(planned.prescribed["normal_force"].item())
 
@@ -282,35 +281,35 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
         return solve(start, Easing(factor=factor, at_nodes=True), approach)
 
     def force_of(solution: Solution) -> float:
-        return float(solution[1].resultants[column])
+        return float(solution.end.resultants[column])
 
     first = at_nodes(approach, None)
     solution: Solution | None = first
-    if first[2].status is not Status.CONVERGED:
+    if not first.is_converged:
         solution, _ = _raise_value(lambda start, factor: at_nodes(approach, start, factor), first, _CONDUCTION_FACTORS)
     if solution is None:
         return None, ""
-    iterations += solution[2].iterations
+    iterations += solution.result.iterations
     sign, passed, untried = np.sign(force - force_of(solution)), "", [solution]
     step, least = (part * problem_scales(planned.problem).displacement[2] for part in _APPROACH_STEPS)
     for _ in range(_MAX_VALUES):
         if step < least:
             break
-        further = at_nodes(approach + sign * step, solution[1].state)
-        iterations += further[2].iterations
-        if further[2].status is not Status.CONVERGED:
+        further = at_nodes(approach + sign * step, solution.end.state)
+        iterations += further.result.iterations
+        if not further.is_converged:
             step /= 2.0
         elif sign * (force - force_of(further)) > 0.0:
             approach, solution, step = approach + sign * step, further, _STEP_GROWTH * step
             untried = [solution]
         else:
-            for _, end, _ in (further, *untried):
+            for end in (each.end for each in (further, *untried)):
                 motion = end.motion[planned.free] - planned.base[planned.free]
                 exact = solve(end.state and replace(end.state, motion=motion), EXACT, None)
-                iterations += exact[2].iterations
-                if exact[2].status is Status.CONVERGED:
-                    result = replace(exact[2], iterations=iterations)
-                    return _with_words((*exact[:2], result), "from a state with a prescribed approach"), ""
+                iterations += exact.result.iterations
+                if exact.is_converged:
+                    exact = exact.with_result(iterations=iterations)
+                    return exact.with_sentence("from a state with a prescribed approach"), ""
             passed = f", with {approach + sign * step:.6g} m under {force_of(further):.4g} N, none between"
             step, untried = step / 2.0, []
     else:  # there may be states that were not sought
@@ -332,12 +331,12 @@ def _raise_value(
     """
     value, most, last = values
     path: list[tuple[float, Solution]] = []
-    iterations, factor, least = before[2].iterations, _FACTORS[0], min(value, _MIN_FIRST)
+    iterations, factor, least = before.result.iterations, _FACTORS[0], min(value, _MIN_FIRST)
     for _ in range(_MAX_VALUES):
-        planned, end, result = solve(_extrapolated(path, value) if path else start, value)
-        iterations += result.iterations
-        if result.status is Status.CONVERGED:
-            solution = planned, end, replace(result, iterations=iterations)
+        solution = solve(_extrapolated(path, value) if path else start, value)
+        iterations += solution.result.iterations
+        if solution.is_converged:
+            solution = solution.with_result(iterations=iterations)
             if value == last:
                 return solution, path
             path.append((value, solution))
@@ -356,10 +355,10 @@ def _raise_value(
 
 def _extrapolated(path: list[tuple[float, Solution]], value: float) -> ContactState | None:
     """Return a guess of the state at a value, extrapolated from the last two linearly in the reciprocal of values."""
-    (reached, latest), state = path[-1], path[-1][1][1].state
+    (reached, latest), state = path[-1], path[-1][1].end.state
     if len(path) == 1 or state is None or value < _MIN_FIRST:
         return state
-    before, earlier = path[-2][0], path[-2][1][1].state
+    before, earlier = path[-2][0], path[-2][1].end.state
     if earlier is None or latest is None:
         return state
     share = (1.0 / value - 1.0 / reached) / (1.0 / reached - 1.0 / before)
@@ -374,12 +373,6 @@ def _may_attract(problem: ContactProblem) -> bool:
     return is_adhesive(problem.contact_law) or conducting(problem)
 
 
-def _with_words(solution: Solution, words: str) -> Solution:
-    """Return a solution with further words in its message."""
-    planned, end, result = solution
-    return planned, end, replace(result, message=join_sentences(result.message, words))
-
-
 def solve_by_continuation(solve: SolveFrom, failed: Solution, least: float = _MIN_FRACTION) -> Solution:
     """Return the solution of an increment from states under parts of its load; the failed one if there is none.
 
@@ -389,24 +382,23 @@ def solve_by_continuation(solve: SolveFrom, failed: Solution, least: float = _MI
     ----------
     solve : callable
         Solves a part of the increment.
-    failed : tuple
+    failed : Solution
         Whole increment that did not converge.
     least : float, optional
         Least part of the change of the load by which it is raised from one state to the next.
     """
-    done, size, iterations = 0.0, 0.5, failed[2].iterations
+    done, size, iterations = 0.0, 0.5, failed.result.iterations
     start: ContactState | None = None
     while size >= least:
         solution = solve(done + size, start)
-        iterations += 0 if solution is None else solution[2].iterations
-        if solution is None or solution[2].status is not Status.CONVERGED:
+        iterations += 0 if solution is None else solution.result.iterations
+        if solution is None or not solution.is_converged:
             size /= 2.0  # for good: parts that fail cost the most
             continue
-        planned, end, result = solution
         done += size
         if done == 1.0:
-            solution = planned, end, replace(result, iterations=iterations)
-            return _with_words(solution, "from a state with a part of the load of the increment")
-        start, size = end.state, min(size, 1.0 - done)
+            solution = solution.with_result(iterations=iterations)
+            return solution.with_sentence("from a state with a part of the load of the increment")
+        start, size = solution.end.state, min(size, 1.0 - done)
     words = f"with {done:.3g} of the change of the load there is a state, with more none was found"
-    return _with_words(failed, words) if done > 0.0 else failed
+    return failed.with_sentence(words) if done > 0.0 else failed

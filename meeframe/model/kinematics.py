@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from meeframe.contact.problem import (
     ContactSolution,
     ContactState,
     PrescribedResultant,
+    Status,
     contact_gap,
     indenter_field,
     indenter_position,
@@ -31,7 +32,7 @@ from meeframe.model.history import Controls, ConvergedState, at_rest, hold_motio
 from meeframe.model.laws import gap_of_law, law_of_increment
 from meeframe.model.rolling import RollingIncrement, friction_work
 from meeframe.model.step import resisted
-from meeframe.results.records import Region
+from meeframe.results.records import Region, StepResult, join_sentences
 from meeframe.system.capabilities import IndenterEdge
 from meeframe.system.reduced import ReducedSystem
 from meeframe.system.rolling import SteadyRollingSystem
@@ -67,6 +68,27 @@ class Increment:
     rolling: RollingIncrement | None = None
     sliding: float | None = None
     depth: Array | None = None
+
+
+class Solution(NamedTuple):
+    """Increment as it was solved, the state at its end, or at its beginning without convergence, and its result."""
+
+    increment: Increment
+    end: ConvergedState
+    result: StepResult
+
+    @property
+    def is_converged(self) -> bool:
+        """True if the increment converged."""
+        return self.result.status is Status.CONVERGED
+
+    def with_sentence(self, sentence: str) -> "Solution":
+        """Return the solution with a further sentence in its message."""
+        return self.with_result(message=join_sentences(self.result.message, sentence))
+
+    def with_result(self, **changes: Any) -> "Solution":
+        """Return the solution with other values of attributes of its result."""
+        return self._replace(result=replace(self.result, **changes))
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,14 +21,13 @@ from meeframe.fields import POTENTIALS, Array, Indices
 from meeframe.formulations.base import Formulation, PersistentFormulation, stored_arrays
 from meeframe.laws.base import has_memory, is_pure_projection
 from meeframe.mesh.body import Body
-from meeframe.model.biactive_friction import Solution
 from meeframe.model.case import Case, warnings_of
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.conduction import check_conduction
 from meeframe.model.continuation import LARGE_RATIO, Attempt, solve_persistently
 from meeframe.model.diagnostics import ContactOnsets, Diagnostics, with_message
 from meeframe.model.history import Controls, ConvergedState, extrapolate, ramp
-from meeframe.model.kinematics import Increment, IndenterKinematics, beginning, regions, slip_of, touching
+from meeframe.model.kinematics import Increment, IndenterKinematics, Solution, beginning, regions, slip_of, touching
 from meeframe.model.restart import check_same_body
 from meeframe.model.rolling import RollingIncrement
 from meeframe.model.steady import solve_steady
@@ -245,13 +244,11 @@ def solve_steps(
             yield result
 
 
-def _solve_steady(
-    subincrement: "_Subincrement", here: ConvergedState, rolling: RollingIncrement
-) -> tuple[Increment, ConvergedState, StepResult]:
+def _solve_steady(subincrement: "_Subincrement", here: ConvergedState, rolling: RollingIncrement) -> Solution:
     """Return an increment of steady rolling as a _Subincrement does, after the cycles in which it wears surfaces."""
     case, step, shift = subincrement.kinematics.case, subincrement.step, rolling.cell_shift
 
-    def steady(state: ConvergedState) -> tuple[Increment, ConvergedState, StepResult]:
+    def steady(state: ConvergedState) -> Solution:
         return solve_steady(partial(subincrement, 0.0, 1.0), state, shift, has_memory(case.contact_law))
 
     cycles = rolling.rolling.cycles
@@ -325,9 +322,7 @@ class _Subincrement:
     rolling: RollingIncrement | None
     progress: Progress
 
-    def __call__(
-        self, first: float, end: float, here: ConvergedState, stall_window: int | None = None
-    ) -> tuple[Increment, ConvergedState, StepResult]:
+    def __call__(self, first: float, end: float, here: ConvergedState, stall_window: int | None = None) -> Solution:
         """Return the subincrement between two fractions of the increment, the state after it, and its result.
 
         stall_window: that of the solver in this subincrement; by default that of the case.
@@ -412,7 +407,7 @@ def _solve(
     end = kinematics.converged_state(increment, solution.state, slip, touches)
     release_freed_memory(len(slip))
     result = _step_result(kinematics, increment, end, solution, slip, region, numbers)
-    return increment, (end if solution.status is Status.CONVERGED else here), result
+    return Solution(increment, end if solution.status is Status.CONVERGED else here, result)
 
 
 def _without_noise(problem: ContactProblem, state: ContactState) -> ContactState:

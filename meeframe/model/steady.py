@@ -9,11 +9,10 @@ import numpy as np
 from meeframe.contact.problem import Status
 from meeframe.fields import Array
 from meeframe.model.history import ConvergedState
-from meeframe.model.kinematics import Increment
-from meeframe.results.records import StepResult, join_sentences
+from meeframe.model.kinematics import Solution
+from meeframe.results.records import StepResult
 from meeframe.system.rolling import CellShift
 
-Solution = tuple[Increment, ConvergedState, StepResult]
 Solve = Callable[[ConvergedState], Solution]
 """Solves steady rolling from a state with the slip path of the material one cell before."""
 
@@ -41,24 +40,24 @@ def solve_steady(solve: Solve, here: ConvergedState, cell_shift: CellShift, has_
 
     Returns
     -------
-    Increment, ConvergedState, StepResult
-        Of the steady state, with the iterations of all states; the state is `here` if it is not reached.
+    Solution
+        Steady state, with the iterations of all states; the state is `here` if it is not reached.
     """
     path, start, iterations = np.zeros_like(here.slip_path), here, 0
     for count in range(1, _MAX_STATES + 1):
-        increment, end, result = solve(replace(start, slip_path=path))
-        iterations += result.iterations
-        if result.status is not Status.CONVERGED:
-            return increment, here, replace(result, iterations=iterations)
+        solution = solve(replace(start, slip_path=path))
+        iterations += solution.result.iterations
+        solution = solution.with_result(iterations=iterations)
+        if not solution.is_converged:
+            return solution._replace(end=here)
         if not has_memory:
-            return increment, end, result
-        passed = path_before(result, cell_shift)
+            return solution
+        passed = path_before(solution.result, cell_shift)
         if np.abs(passed - path).max() <= _PATH_TOLERANCE * passed.max():
-            message = join_sentences(result.message, f"{count} states until the slip path was steady")
-            return increment, end, replace(result, iterations=iterations, message=message)
-        path, start = passed, replace(start, state=end.state)
-    message = join_sentences(result.message, f"the slip path is not steady after {_MAX_STATES} states")
-    return increment, here, replace(result, status=Status.STALLED, iterations=iterations, message=message)
+            return solution.with_sentence(f"{count} states until the slip path was steady")
+        path, start = passed, replace(start, state=solution.end.state)
+    solution = solution.with_sentence(f"the slip path is not steady after {_MAX_STATES} states")
+    return solution.with_result(status=Status.STALLED)._replace(end=here)
 
 
 def path_before(result: StepResult, cell_shift: CellShift) -> Array:

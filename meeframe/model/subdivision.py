@@ -9,10 +9,10 @@ import numpy as np
 from meeframe.contact.problem import Status
 from meeframe.fields import Array
 from meeframe.model.history import ConvergedState
-from meeframe.model.kinematics import Increment
+from meeframe.model.kinematics import Solution
 from meeframe.results.records import StepResult, join_sentences
 
-Solve = Callable[[float, float, ConvergedState, int | None], tuple[Increment, ConvergedState, StepResult]]
+Solve = Callable[[float, float, ConvergedState, int | None], Solution]
 """Solves a subincrement between two fractions of an increment, from a converged state, with a window of stagnation."""
 
 _MIN_FRACTION: Final = 2.0**-8
@@ -25,7 +25,7 @@ _FACTORS: Final = (0.1, 2.0)
 
 def solve_subdivided(
     solve: Solve, here: ConvergedState, weights: Array, max_change: float, stall_window: int
-) -> tuple[Increment, ConvergedState, StepResult]:
+) -> Solution:
     """Solve an increment in subincrements, in each of which the pressure changes by a fraction at most.
 
     Subincrements that do not converge are divided, too.
@@ -45,12 +45,9 @@ def solve_subdivided(
 
     Returns
     -------
-    Increment
-        Last subincrement.
-    ConvergedState
-        State at the end; `here` if a subincrement did not converge.
-    StepResult
-        Result of the last subincrement, with the slip, the work of friction and the iterations of all of them.
+    Solution
+        Last subincrement; its result has the slip, the work of friction and the iterations of all of them. The state
+        is `here` if a subincrement did not converge.
     """
     done, size, begin, results = 0.0, 1.0, here, list[StepResult]()
     while True:
@@ -65,7 +62,7 @@ def solve_subdivided(
             continue
         results.append(result)
         if not converged or last == 1.0:
-            return planned, end if converged else here, _combined(results)
+            return Solution(planned, end if converged else here, _combined(results))
         done, begin, size = last, end, max(factor * (last - done), _MIN_FRACTION)
 
 

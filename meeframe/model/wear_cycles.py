@@ -5,13 +5,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from meeframe.contact.problem import Status
 from meeframe.fields import Array
 from meeframe.laws.wear import WearLaw
 from meeframe.model.history import ConvergedState
-from meeframe.model.kinematics import Increment
-from meeframe.model.steady import Solution, Solve
-from meeframe.results.records import StepResult, join_sentences
+from meeframe.model.kinematics import Solution
+from meeframe.model.steady import Solve
+from meeframe.results.records import StepResult
 from meeframe.system.rolling import CellShift
 
 _STAGES: Final = 6
@@ -80,9 +79,7 @@ class WearOfCycles:
         return depth
 
 
-def solve_cycles(
-    solve: Solve, here: ConvergedState, wear: WearOfCycles, cycles: float, tolerance: float
-) -> tuple[Increment, ConvergedState, StepResult]:
+def solve_cycles(solve: Solve, here: ConvergedState, wear: WearOfCycles, cycles: float, tolerance: float) -> Solution:
     """Wear surfaces in a number of cycles of steady rolling, and return the steady state after them.
 
     The worn depth w after N cycles follows dw/dN = depth of one cycle, by the Runge-Kutta-Chebyshev method of
@@ -104,8 +101,8 @@ def solve_cycles(
 
     Returns
     -------
-    Increment, ConvergedState, StepResult
-        Of the steady state after the cycles, with the iterations of all states; the state is `here` if one of them
+    Solution
+        Steady state after the cycles, with the iterations of all states; the state is `here` if one of them
         does not converge.
 
     References
@@ -117,45 +114,43 @@ def solve_cycles(
     def steady(worn: Array) -> Solution:
         nonlocal start, states, iterations
         solution = solve(replace(here, wear=worn, state=start.state))
-        states, iterations = states + 1, iterations + solution[2].iterations
-        if solution[2].status is Status.CONVERGED:
-            start = solution[1]
+        states, iterations = states + 1, iterations + solution.result.iterations
+        if solution.is_converged:
+            start = solution.end
         return solution
 
     def finished(solution: Solution, sentence: str) -> Solution:
-        increment, end, result = solution
-        message = join_sentences(result.message, f"{sentence}, with {states} steady states")
-        end = replace(end, cycles=here.cycles + done)
-        loading = result.loading
+        end, loading = replace(solution.end, cycles=here.cycles + done), solution.result.loading
         if loading.rolling is not None:
             loading = replace(loading, rolling=replace(loading.rolling, cycles=end.cycles))
-        result = replace(result, loading=loading, iterations=iterations, message=message)
-        return increment, end if result.status is Status.CONVERGED else here, result
+        solution = solution._replace(end=end if solution.is_converged else here)
+        solution = solution.with_result(loading=loading, iterations=iterations)
+        return solution.with_sentence(f"{sentence}, with {states} steady states")
 
     done, size, error, steps = 0.0, cycles, 0.0, 0
     first, others = _coefficients(_STAGES)
     worn = here.wear
     solution = steady(worn)
-    if solution[2].status is not Status.CONVERGED:
+    if not solution.is_converged:
         return finished(solution, "before the first cycle")
-    depth = wear.depth(solution[2], worn)
+    depth = wear.depth(solution.result, worn)
     while done < cycles:
         size = min(size, cycles - done)
         before, after = worn, worn + first * size * depth
         stage = steady(after)
         for each in others:
-            if stage[2].status is not Status.CONVERGED:
+            if not stage.is_converged:
                 break
-            change = size * (each.mu_tilde * wear.depth(stage[2], after) + each.gamma_tilde * depth)
+            change = size * (each.mu_tilde * wear.depth(stage.result, after) + each.gamma_tilde * depth)
             after, before = (1.0 - each.mu - each.nu) * worn + each.mu * after + each.nu * before + change, after
             stage = steady(after)
         divisible = size > _MIN_STEP * cycles
-        if stage[2].status is not Status.CONVERGED:
+        if not stage.is_converged:
             if not divisible:
                 return finished(stage, f"after {done:g} of {cycles:g} cycles")
             size *= _FACTORS[0]
             continue
-        new_depth = wear.depth(stage[2], after)
+        new_depth = wear.depth(stage.result, after)
         deviation = float(np.abs(0.8 * (worn - after) + 0.4 * size * (depth + new_depth)).sum())
         relative = deviation / max(float((after - worn).sum()), 1e-300)
         factor = float(np.clip(_SAFETY * np.sqrt(tolerance / max(relative, 1e-300)), *_FACTORS))

@@ -16,6 +16,7 @@ from meeframe.laws import IsotropicCoulomb
 from meeframe.laws.base import attraction
 from meeframe.model.biactive_friction import solve_from_biactive_friction
 from meeframe.model.continuation import solve_by_capped_friction, solve_persistently
+from meeframe.model.kinematics import Solution
 from meeframe.solvers import Auto, StoppingCriteria, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
@@ -108,9 +109,10 @@ def test_a_node_between_open_and_closed_is_found(synthetic, law, friction, kappa
             iterations=solution.iterations,
             message=solution.message,
         )
-        return Planned(eased), SimpleNamespace(state=solution.state), result
+        return Solution(Planned(eased), SimpleNamespace(state=solution.state), result)
 
-    failed = Planned(problem), SimpleNamespace(state=None), replace(synthetic.step(1e-6), status=Status.STALLED)
+    stalled = replace(synthetic.step(1e-6), status=Status.STALLED)
+    failed = Solution(Planned(problem), SimpleNamespace(state=None), stalled)
     solution, _ = solve_by_capped_friction(attempt, failed, 1e-10)
     assert solution is not None
     planned, end, result = solution
@@ -137,14 +139,15 @@ def test_biactive_friction_is_found_from_a_smaller_multiple_where_pressures_are_
         result = replace(
             synthetic.step(1e-6), status=Status.STALLED if fails else solution.status, residual=solution.residual
         )
-        return Planned(eased), SimpleNamespace(state=solution.state), result
+        return Solution(Planned(eased), SimpleNamespace(state=solution.state), result)
 
-    failed = Planned(problem), SimpleNamespace(state=None), replace(synthetic.step(1e-6), status=Status.STALLED)
+    stalled = replace(synthetic.step(1e-6), status=Status.STALLED)
+    failed = Solution(Planned(problem), SimpleNamespace(state=None), stalled)
     solution, reached = solve_by_capped_friction(attempt, failed, 1e-10)
     assert solution is not None
     assert ratios[0] == reached == 1e6
     assert 1e4 < ratios[-1] < 1e6
-    np.testing.assert_allclose(solution[1].state.load[NODE, :3], [-0.9 * LIMIT, 0.0, 0.0], atol=1e-8)
+    np.testing.assert_allclose(solution.end.state.load[NODE, :3], [-0.9 * LIMIT, 0.0, 0.0], atol=1e-8)
 
 
 @pytest.mark.parametrize("law", [Tresca(LIMIT), IsotropicCoulomb(np.inf), DMT(0.05, 1.0, mu=np.inf)])
@@ -156,7 +159,7 @@ def test_biactive_friction_follows_the_load(synthetic, law):
         eased = easing.apply(problem)
         solution = solve(eased, Auto(), StoppingCriteria(stall_window=10), start)
         result = replace(synthetic.step(1e-6), status=solution.status, residual=solution.residual)
-        return Planned(eased), SimpleNamespace(state=solution.state), result
+        return Solution(Planned(eased), SimpleNamespace(state=solution.state), result)
 
     adhesion = attraction(law, np.zeros(25))[NODE]
     start = state_of(problem, (-0.75 * LIMIT, 0.0, adhesion))
@@ -168,7 +171,7 @@ def test_biactive_friction_follows_the_load(synthetic, law):
     assert law_residual(problem, end.state, problem_scales(problem)) < 1e-10
     friction = (OVERLAP + adhesion) / COUPLING
     np.testing.assert_allclose(end.state.load[NODE, :3], [-friction, 0.0, adhesion], atol=1e-8)
-    stalled = *solution[:2], replace(result, status=Status.STALLED)
+    stalled = solution.with_result(status=Status.STALLED)
     assert solve_from_biactive_friction(lambda *_: stalled, start, start, problem, 1e-10) is None
 
 
@@ -185,7 +188,7 @@ def test_friction_that_jumps_is_sought_from_parts_of_the_load(synthetic):
         if status is Status.CONVERGED and law_residual(problem, solution.state, problem_scales(problem)) < 1e-10:
             reached.append(attempt.part)
         result = replace(synthetic.step(1e-6), status=status, residual=solution.residual, area_fraction=None)
-        return Planned(eased), SimpleNamespace(state=solution.state), result
+        return Solution(Planned(eased), SimpleNamespace(state=solution.state), result)
 
     before = state_of(whole, np.zeros(3))
     _, end, result = solve_persistently(attempt, 10, True, False, 1e-10, before)

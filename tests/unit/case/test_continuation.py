@@ -22,6 +22,7 @@ from meeframe.model.continuation import (
     solve_persistently,
 )
 from meeframe.model.easier_laws import CappedLaw, Easing
+from meeframe.model.kinematics import Solution
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
 
@@ -36,7 +37,7 @@ class Increments:
         self.fractions.append(fraction)
         solved = fraction - (start or 0.0) <= self._radius and fraction <= self._most
         result = replace(self._step, status=Status.CONVERGED if solved else Status.STALLED, iterations=7)
-        return fraction, SimpleNamespace(state=fraction), result
+        return Solution(fraction, SimpleNamespace(state=fraction), result)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +67,7 @@ def test_a_failed_increment_states_the_part_of_the_load_that_was_reached(synthet
 
     def solve(fraction, start):
         solution = increments.solve(fraction, start)
-        return None if returns_none and solution[2].status is Status.STALLED else solution
+        return None if returns_none and solution.result.status is Status.STALLED else solution
 
     planned, end, result = solve_by_continuation(solve, failed)
     assert (planned, end) == failed[:2]
@@ -80,7 +81,7 @@ def test_smaller_parts_reach_further(synthetic):
     increments = Increments(synthetic.step(1e-6), 0.02, 1.0)
     failed = increments.solve(1.0, None)
     assert solve_by_continuation(increments.solve, failed) is failed
-    assert solve_by_continuation(increments.solve, failed, 1.0 / 64.0)[2].status is Status.CONVERGED
+    assert solve_by_continuation(increments.solve, failed, 1.0 / 64.0).is_converged
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ class Eased:
         load[:, 2] = -level
         state = ContactState(load, np.zeros((25, 5)), np.zeros(25), np.zeros(0))
         result = replace(self._step, status=Status.CONVERGED if solved else Status.STALLED, iterations=7)
-        return Planned(self._problem), SimpleNamespace(state=state), result
+        return Solution(Planned(self._problem), SimpleNamespace(state=state), result)
 
 
 @pytest.fixture(scope="module")
@@ -129,9 +130,9 @@ def test_friction_is_raised_to_a_limit_that_jumps(synthetic, coupled):
     solution, reached = solve_by_capped_friction(increments.solve, failed, 1e-10)
     assert reached == np.inf
     assert [easing.ratio for easing in increments.easings] == [10.0, 100.0, 1e3, 1e4, 1e5, 1e6, np.inf]
-    assert solution[2].status is Status.CONVERGED
-    assert solution[2].iterations == 7 * 8
-    assert "friction of at most 1e+06 times the pressure" in solution[2].message
+    assert solution.is_converged
+    assert solution.result.iterations == 7 * 8
+    assert "friction of at most 1e+06 times the pressure" in solution.result.message
 
 
 @pytest.mark.parametrize(("reach", "is_found"), [(4.0, True), (2.5, True), (1.01, False)])
@@ -149,7 +150,7 @@ def test_friction_is_raised_in_smaller_steps_where_that_fails(synthetic, coupled
 def test_an_unsolved_increment_names_the_friction_up_to_which_there_is_a_state(synthetic, coupled):
     increments = Eased(synthetic.step(1e-6), coupled, 10.0, 10.0, 50.0)
     solve = lambda attempt: increments.solve(attempt.start, attempt.easing)  # noqa: E731
-    result = solve_persistently(solve, 10, has_large_friction=True, stores=False, tolerance=1e-10)[2]
+    result = solve_persistently(solve, 10, has_large_friction=True, stores=False, tolerance=1e-10).result
     assert result.status is Status.STALLED
     words = re.search(r"friction of at most (\S+) times the pressure there is a state, with more none", result.message)
     assert words is not None
@@ -159,7 +160,7 @@ def test_an_unsolved_increment_names_the_friction_up_to_which_there_is_a_state(s
 def test_an_unsolved_increment_names_the_conduction_up_to_which_there_is_a_state(synthetic, coupled):
     increments = Eased(synthetic.step(1e-6), coupled, 10.0, 1e-6, 0.05)
     solve = lambda attempt: increments.solve(attempt.start, replace(attempt.easing, ratio=1.0))  # noqa: E731
-    result = solve_persistently(solve, 10, has_large_friction=False, stores=False, tolerance=1e-10)[2]
+    result = solve_persistently(solve, 10, has_large_friction=False, stores=False, tolerance=1e-10).result
     assert result.status is Status.STALLED
     words = re.search(r"with (\S+) times the conductivities there is a state, with more none", result.message)
     assert words is not None
@@ -187,7 +188,7 @@ def test_conduction_is_raised_to_its_law(synthetic, coupled, reach, is_found):
     assert reached > 0.0
     if is_found:
         assert increments.easings[-1].factor == 1.0
-        assert solution[2].iterations == 7 * len(increments.easings)
+        assert solution.result.iterations == 7 * len(increments.easings)
 
 
 def test_conduction_is_raised_at_nodes_and_then_at_the_edge_found_there(synthetic, coupled):
@@ -205,7 +206,7 @@ def test_conduction_is_raised_at_nodes_and_then_at_the_edge_found_there(syntheti
     assert at_nodes[-1] == at_edge[-1].factor == 1.0
     assert {easing.edge_of.load[0, 2] for easing in at_edge} == {-1.0}  # of the state under the whole conductivity
     assert at_edge[0].factor < 1.0
-    assert solution[2].iterations == 7 * len(increments.easings)
+    assert solution.result.iterations == 7 * len(increments.easings)
 
 
 class Approached:
@@ -233,7 +234,7 @@ class Approached:
         motion[0], resultants[0] = at, force
         state = ContactState(np.zeros((25, 5)), np.zeros((25, 5)), np.zeros(25), np.array([at]))
         result = replace(self._step, status=Status.CONVERGED if solved else Status.STALLED, iterations=7)
-        return self._planned, SimpleNamespace(state=state, motion=motion, resultants=resultants), result
+        return Solution(self._planned, SimpleNamespace(state=state, motion=motion, resultants=resultants), result)
 
     def search(self):
         return solve_by_approach(self.solve, self.solve(None, Easing()))
@@ -246,11 +247,11 @@ def test_a_force_is_found_between_approaches(synthetic, coupled, first_factor, s
     increments = Approached(synthetic.step(1e-6), coupled, lambda a: 3.0 - sign + a * abs(a), first_factor)
     solution, words = increments.search()
     assert words == ""
-    assert solution[2].status is Status.CONVERGED
+    assert solution.is_converged
     assert increments.approaches[-1] is None
-    assert solution[1].resultants[0] == pytest.approx(3.0, abs=0.5)
-    assert solution[2].iterations == 7 * len(increments.approaches)
-    assert "from a state with a prescribed approach" in solution[2].message
+    assert solution.end.resultants[0] == pytest.approx(3.0, abs=0.5)
+    assert solution.result.iterations == 7 * len(increments.approaches)
+    assert "from a state with a prescribed approach" in solution.result.message
 
 
 def test_a_force_that_the_states_jump_over_is_reported(synthetic, coupled):

@@ -8,6 +8,7 @@ import pytest
 from meeframe.contact.problem import Status
 from meeframe.indenters.base import IndenterMotions
 from meeframe.model.history import at_rest
+from meeframe.model.kinematics import Solution
 from meeframe.model.steady import solve_steady
 from meeframe.system.rolling import CellShift
 
@@ -23,7 +24,7 @@ def test_the_state_before_remains_if_none_is_steady(synthetic, failing):
         number = next(numbers)
         slip = np.full((25, 2), 1e-6 * number)
         status = Status.STALLED if number == failing else Status.CONVERGED
-        return None, replace(state, total_slip=slip), replace(step, slip=slip, status=status)
+        return Solution(None, replace(state, total_slip=slip), replace(step, slip=slip, status=status))
 
     shift = CellShift.of(zone.points, zone.frames, np.array([1.0, 0.0, 0.0]))
     _, end, result = solve_steady(solve, before, shift, has_memory=True)

@@ -10,6 +10,7 @@ from meeframe.contact.problem import Status
 from meeframe.indenters.base import IndenterMotions
 from meeframe.laws.wear import Archard
 from meeframe.model.history import at_rest
+from meeframe.model.kinematics import Solution
 from meeframe.model.wear_cycles import WearOfCycles, solve_cycles
 from meeframe.system.rolling import CellShift
 
@@ -34,7 +35,7 @@ class Lines:
         assert (worn == worn[0]).all(), "uniform along the lines"
         traction[self.shift.grid, 2] = -(PRESSURE - STIFFNESS @ worn[0])
         status = Status.STALLED if self.count in self.failures else Status.CONVERGED
-        return None, state, replace(self.step, traction=traction, slip=slip, status=status)
+        return Solution(None, state, replace(self.step, traction=traction, slip=slip, status=status))
 
     def wear(self, cycles, tolerance, coefficient=1.0):
         begin = at_rest(IndenterMotions(), {}, 25)
