@@ -437,7 +437,7 @@ def _from_tables(tables: Mapping[str, Any], checked: CheckedCase, files: Sequenc
         potentials={name: tables["indenter"][name] for name in checked.potentials if name in tables["indenter"]},
         formulation=checked.formulation,
         solver=checked.solver,
-        stopping=checked.limits,
+        stopping=checked.stopping,
         second_body=other,
         restart=tables["restart"]["from"] if "restart" in tables else None,
         output=checked.output,

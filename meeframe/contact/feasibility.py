@@ -28,13 +28,13 @@ TOLERANCE: Final = 1e-6
 MAX_GENERATORS: Final = 200
 MAX_COMPRESSION: Final = 1e30
 """Normal traction [Pa] beyond any that a contact law without a bound returns as it is."""
-MIN_UNREACHABLE_FRACTION: Final = 0.5
-"""Least fraction of the missed resultants that must be unreachable under the present pressures."""
+MIN_INFEASIBLE_FRACTION: Final = 0.5
+"""Least fraction of the missed resultants that must be infeasible under the present pressures."""
 MAX_VIOLATION_RATIO: Final = 0.1
-"""Largest violation of the laws, as a fraction of that part, below which the pressures count as converged."""
+"""Largest violation of the laws, as a fraction of these, below which the pressures count as converged."""
 
 
-def unreachable(problem: ContactProblem, scales: Scales) -> str | None:
+def infeasibility(problem: ContactProblem, scales: Scales) -> str | None:
     """Return the reason why no state has the prescribed resultants; None if one may have them.
 
     Applies to contact laws that admit a cone of tractions, with the scaling of the law of maximal dissipation, or less.
@@ -129,10 +129,7 @@ def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales
     gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
     shortfall = deficit - abs(reserve(problem.contact_law, state.load[:, MECHANICAL], gap, direction)) / deficit
     # other resultants may be missed too, in favour of these: they bring friction only by its coefficient
-    if (
-        not shortfall >= MIN_UNREACHABLE_FRACTION * deficit
-        or not largest(others) <= MIN_UNREACHABLE_FRACTION * shortfall
-    ):
+    if not shortfall >= MIN_INFEASIBLE_FRACTION * deficit or not largest(others) <= MIN_INFEASIBLE_FRACTION * shortfall:
         return None
     if not law_violation(problem, state, scales) <= MAX_VIOLATION_RATIO * shortfall:
         return None
@@ -199,7 +196,7 @@ def beyond_conduction(problem: ContactProblem, state: ContactState, scales: Scal
 
 
 def _missing_force(problem: ContactProblem, scales: Scales) -> float:
-    """Return the relative distance of the prescribed resultants to the reachable ones; 0 if it is not certain."""
+    """Return the relative distance of the prescribed resultants to the feasible ones; 0 if it is not certain."""
     moving = motions(problem)
     if moving.size == 0:
         return 0.0

@@ -66,7 +66,7 @@ def potentials(problem: ContactProblem) -> Indices:
     )
 
 
-def reachable_start(problem: ContactProblem, start: ContactState | None) -> ContactState | None:
+def start_below_indenter(problem: ContactProblem, start: ContactState | None) -> ContactState | None:
     """Return the state of the previous load step without load and contact where there is no indenter above now.
 
     Such nodes have an infinite gap. A previous problem may have loaded them: the indenter may have moved away, or edges

@@ -48,20 +48,20 @@ def wave_amplitudes(symbol: SurfaceSymbol, k: Array, traction: Complex) -> list[
         Amplitudes in each medium.
     """
     state, pairs = (traction / k[:, None])[..., None], k[None, :]
-    below, found = list(symbol.ascend(pairs))[::-1], []
+    below, amplitudes_of_media = list(symbol.ascend(pairs))[::-1], []
     for number, medium in enumerate(symbol.media):
         if number == len(symbol.thicknesses):
-            found.append(Amplitudes(state[..., 0], np.zeros_like(traction)))
+            amplitudes_of_media.append(Amplitudes(state[..., 0], np.zeros_like(traction)))
             break
         thickness = symbol.thicknesses[number]
         g, at_bottom = (one[0] for one in reflection(medium, pairs * thickness, *below[number]))
         amplitude = np.asarray(np.linalg.solve(np.eye(g.shape[-1]) + g, state), complex)
         upwards: Complex = at_bottom @ amplitude
-        found.append(Amplitudes(amplitude[..., 0], upwards[..., 0]))
+        amplitudes_of_media.append(Amplitudes(amplitude[..., 0], upwards[..., 0]))
         if number + 1 < len(symbol.media):
             down = exponential(-(k * thickness)[:, None, None] * medium.descent) @ amplitude
             state = _cross_downwards(symbol, number, pairs, down + upwards)
-    return found
+    return amplitudes_of_media
 
 
 def wave_fields(

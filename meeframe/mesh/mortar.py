@@ -149,11 +149,11 @@ def locate_on_plane(points: Array, nodes: Array, cells: Cells, normal: Array) ->
     axes = local_frames(normal[None])[0]
     surface = _surface(nodes @ axes.T, cells, 1.0, "body")
     count = len(surface.corners)  # any triangle is a candidate, as elements may differ in size by any factor
-    parts = np.array_split(points @ axes.T, 1 + len(points) * count // _CANDIDATE_PAIRS)
-    located = [_locate(part, surface, count) for part in parts]
-    numbers = np.concatenate([part.nodes for part in located])
+    batches = np.array_split(points @ axes.T, 1 + len(points) * count // _CANDIDATE_PAIRS)
+    located = [_locate(batch, surface, count) for batch in batches]
+    numbers = np.concatenate([batch.nodes for batch in located])
     names = ("shapes", "slopes", "inside")
-    shapes, slopes, inside = (np.concatenate([getattr(part, name) for part in located]) for name in names)
+    shapes, slopes, inside = (np.concatenate([getattr(batch, name) for batch in located]) for name in names)
     return Located(numbers, shapes, slopes @ axes[:2], inside)
 
 
@@ -395,7 +395,7 @@ def _locate(points: Array, second: _Surface, candidates: int = _CANDIDATES) -> L
     _, near = tree.query(points[:, :2], min(candidates, len(second.corners)))
     near = near.reshape(n, -1)
     sides = second.corners[near]  # (n, c, 3, 2)
-    parts = [
+    areas = [
         _areas(np.stack([np.broadcast_to(points[:, None, :2], sides[:, :, 0].shape), *pair], axis=2))
         for pair in (
             (sides[:, :, 1], sides[:, :, 2]),
@@ -403,7 +403,7 @@ def _locate(points: Array, second: _Surface, candidates: int = _CANDIDATES) -> L
             (sides[:, :, 0], sides[:, :, 1]),
         )
     ]
-    inside = np.min(parts, axis=0) / _areas(sides)
+    inside = np.min(areas, axis=0) / _areas(sides)
     triangle = near[np.arange(n), inside.argmax(axis=1)]
     arrays = np.zeros((n, width), np.int64), np.zeros((n, width)), np.zeros((n, width, 2))
     located = Located(*arrays, inside.max(axis=1))

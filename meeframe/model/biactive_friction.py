@@ -25,11 +25,11 @@ _RATIOS: Final = (1e3, 1e2, 1e4)
 _MAX_PULLS: Final = 20
 """Number of attractions that are tried."""
 _MIN_SHARE: Final = 1.0 / 8.0
-"""Least part of the change of an attraction by which it is changed."""
+"""Least fraction of the change of an attraction by which it is changed."""
 _MEMORY: Final = 4
 """Number of attractions from which the next one follows."""
 _MIN_EXCESS: Final = 1e-6
-"""Part of the capped friction by which the law must exceed it for the cap to count."""
+"""Fraction of the capped friction by which the law must exceed it for the cap to count."""
 _MIN_SINGULAR_VALUE: Final = 1e-8
 """Relative singular value from which changes of pressures count."""
 

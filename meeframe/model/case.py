@@ -91,7 +91,7 @@ class Case(CaseData):
         Discretisation of the body.
     solver : Solver, optional
         Contact solver.
-    limits : StoppingCriteria, optional
+    stopping : StoppingCriteria, optional
         Criteria that end an iteration.
     output : Output, optional
         Files and fields that a run writes.

@@ -115,7 +115,7 @@ def _wrong_in_state(
     problem: ContactProblem, solution: ContactSolution, law: ConductivityLaw, column: int
 ) -> Iterator[LawEvaluation]:
     """Yield the first invalid conductivity of a law in a finite state, if there is one."""
-    state, found = solution.state, list[LawEvaluation]()
+    state, evaluations = solution.state, list[LawEvaluation]()
     position = {field: indenter_field(problem, field, state.motion) for field in (2, column)}
     for nodes in node_blocks(problem.contact_law, len(state.load)):
         gap, drop = (position[field][nodes] - state.displacement[nodes, field] for field in (2, column))
@@ -125,5 +125,5 @@ def _wrong_in_state(
         arguments = traction[mask], gap[mask], drop[mask]
         with np.errstate(all="ignore"):
             kappa = law.conductivity(*arguments)
-        found += _evaluations(kappa, *arguments, ~(kappa >= 0.0))
-    yield from sorted(found, key=lambda answer: -answer.traction)[:1]
+        evaluations += _evaluations(kappa, *arguments, ~(kappa >= 0.0))
+    yield from sorted(evaluations, key=lambda answer: -answer.traction)[:1]

@@ -34,7 +34,7 @@ SolveApproached = Callable[[ContactState | None, Easing, float | None], Solution
 
 _MIN_FRACTION: Final = 1.0 / 16.0
 _MIN_BIACTIVE_FRACTION: Final = 1.0 / 64.0
-"""Least part of the change of the load by which it is raised from one state to the next, and with biactive friction."""
+"""Least fraction of the change of the load from one state to the next, and with biactive friction."""
 _FINAL: Final = (Status.CONVERGED, Status.ITERATION_LIMIT)
 """Status of an increment for which no other way is sought."""
 LARGE_RATIO: Final = 10.0
@@ -57,11 +57,11 @@ _STEP_GROWTH: Final = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """Attempt to solve an increment; slip counts from its beginning, whatever the part of the load.
+    """Attempt to solve an increment; slip counts from its beginning, whatever the fraction of its load.
 
     Attributes
     ----------
-    part : float, optional
+    fraction : float, optional
         Fraction of the change of the load.
     start : ContactState, optional
         Initial guess; by default the usual one.
@@ -75,7 +75,7 @@ class Attempt:
         Approach [m] that is prescribed in place of the normal force; by default the force is.
     """
 
-    part: float = 1.0
+    fraction: float = 1.0
     start: ContactState | None = None
     easing: Easing = EXACT
     stall_window: int | None = None
@@ -113,7 +113,7 @@ def solve_persistently(
     Solution
         Solution, or the increment as it ended last.
     """
-    is_brief, reached = stores or has_large_friction, 0.0
+    is_brief, highest = stores or has_large_friction, 0.0
     solution = solve(Attempt(stall_window=window if is_brief else None))
     if solution.result.status in _FINAL:
         return solution
@@ -123,15 +123,15 @@ def solve_persistently(
         return solve(replace(brief, start=start, easing=easing, approach=approach))
 
     if has_large_friction:
-        capped, reached = solve_by_capped_friction(solve_eased, solution, tolerance)
+        capped, highest = solve_by_capped_friction(solve_eased, solution, tolerance)
         if capped is not None:
             return capped
     if is_brief:
         solution = solve(Attempt(stores=stores))
         if solution.result.status in _FINAL:
             return solution
-    if reached > 0.0:
-        words = f"with friction of at most {reached:.3g} times the pressure there is a state, with more none was found"
+    if highest > 0.0:
+        words = f"with friction of at most {highest:.3g} times the pressure there is a state, with more none was found"
         solution = solution.with_sentence(words)
     if conducting(solution.increment.problem):
         conducted, factor = solve_by_scaled_conduction(solve_eased, solution)
@@ -152,8 +152,8 @@ def solve_persistently(
     problem = solution.increment.problem
     if has_large_friction and limit_jumps(problem.contact_law, len(problem.gap)):
 
-        def solve_part(part: float, start: ContactState | None) -> Solution | None:
-            attempt = replace(brief, part=part)
+        def solve_fraction(fraction: float, start: ContactState | None) -> Solution | None:
+            attempt = replace(brief, fraction=fraction)
             return solve_from_biactive_friction(
                 lambda guess, easing: solve(replace(attempt, start=guess, easing=easing)),
                 start,
@@ -162,8 +162,10 @@ def solve_persistently(
                 tolerance,
             )
 
-        return solve_by_continuation(solve_part, solution, _MIN_BIACTIVE_FRACTION)
-    return solve_by_continuation(lambda part, start: solve(replace(brief, part=part, start=start)), solution)
+        return solve_by_continuation(solve_fraction, solution, _MIN_BIACTIVE_FRACTION)
+    return solve_by_continuation(
+        lambda fraction, start: solve(replace(brief, fraction=fraction, start=start)), solution
+    )
 
 
 def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: float) -> tuple[Solution | None, float]:
@@ -203,19 +205,19 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: flo
             solution, path = _raise_value(by_ratio, eased, _RATIOS, eased.end.state)
     if solution is not None:
         return with_biactive_nodes(solution, _RATIOS[1]), np.inf
-    reached, problem = path[-1][0] if path else 0.0, failed.increment.problem
+    highest, problem = path[-1][0] if path else 0.0, failed.increment.problem
     while path and limit_jumps(problem.contact_law, len(problem.gap)):
         ratio, capped = path[-1]
         solution = solve_with_biactive_friction(solve, capped, ratio, problem, tolerance)
         if solution is not None:
-            return solution, reached
+            return solution, highest
         # smaller multiples are further, but vary less; under the last one, pressures are nearly too small to be found
         path = path[:-1] if ratio >= _RATIOS[1] else path[: len(path) // 2]
-    return None, reached
+    return None, highest
 
 
 def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Solution | None, float]:
-    """Return the solution of an increment from states under a part of its conductivities; None if it is not found.
+    """Return the solution of an increment from states with smaller conductivities; None if it is not found.
 
     With contact edges between nodes, the conductivities are raised at nodes first, and then, if need be, once more with
     the edge of the solution at nodes: an edge that moved with the conductivities would move in jumps.
@@ -230,7 +232,7 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Sol
     Solution or None
         The solution.
     float
-        Largest part of the conductivities under which a state was found; 0 if there is none.
+        Largest fraction of the conductivities under which a state was found; 0 if there is none.
     """
 
     def raised(easing: Easing, before: Solution) -> tuple[Solution | None, list[tuple[float, Solution]]]:
@@ -291,7 +293,7 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
         return None, ""
     iterations += solution.result.iterations
     sign, passed, untried = np.sign(force - force_of(solution)), "", [solution]
-    step, least = (part * problem_scales(planned.problem).displacement[2] for part in _APPROACH_STEPS)
+    step, least = (depth * problem_scales(planned.problem).displacement[2] for depth in _APPROACH_STEPS)
     for _ in range(_MAX_VALUES):
         if step < least:
             break
@@ -314,8 +316,10 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
             step, untried = step / 2.0, []
     else:  # there may be states that were not sought
         return None, ""
-    found = f"with an approach of {approach:.6g} m there is a state under a normal force of {force_of(solution):.4g} N"
-    return None, found + (passed or ", none beyond")
+    sentence = (
+        f"with an approach of {approach:.6g} m there is a state under a normal force of {force_of(solution):.4g} N"
+    )
+    return None, sentence + (passed or ", none beyond")
 
 
 def _raise_value(
@@ -348,20 +352,20 @@ def _raise_value(
             break
         else:
             factor = np.cbrt(factor)
-        reached = path[-1][0]
-        value = last if reached >= most else min(factor * reached, most)
+        highest = path[-1][0]
+        value = last if highest >= most else min(factor * highest, most)
     return None, path
 
 
 def _extrapolated(path: list[tuple[float, Solution]], value: float) -> ContactState | None:
     """Return a guess of the state at a value, extrapolated from the last two linearly in the reciprocal of values."""
-    (reached, latest), state = path[-1], path[-1][1].end.state
+    (highest, latest), state = path[-1], path[-1][1].end.state
     if len(path) == 1 or state is None or value < _MIN_FIRST:
         return state
     before, earlier = path[-2][0], path[-2][1].end.state
     if earlier is None or latest is None:
         return state
-    share = (1.0 / value - 1.0 / reached) / (1.0 / reached - 1.0 / before)
+    share = (1.0 / value - 1.0 / highest) / (1.0 / highest - 1.0 / before)
     load, motion = (
         new + share * (new - old) for new, old in ((state.load, earlier.load), (state.motion, earlier.motion))
     )
@@ -374,18 +378,18 @@ def _may_attract(problem: ContactProblem) -> bool:
 
 
 def solve_by_continuation(solve: SolveFrom, failed: Solution, least: float = _MIN_FRACTION) -> Solution:
-    """Return the solution of an increment from states under parts of its load; the failed one if there is none.
+    """Return the solution of an increment from states under fractions of its load; the failed one if there is none.
 
     The states are initial guesses alone: the result solves the same problem.
 
     Parameters
     ----------
     solve : callable
-        Solves a part of the increment.
+        Solves the increment under a fraction of its load.
     failed : Solution
         Whole increment that did not converge.
     least : float, optional
-        Least part of the change of the load by which it is raised from one state to the next.
+        Least fraction of the change of the load by which it is raised from one state to the next.
     """
     done, size, iterations = 0.0, 0.5, failed.result.iterations
     start: ContactState | None = None
@@ -393,7 +397,7 @@ def solve_by_continuation(solve: SolveFrom, failed: Solution, least: float = _MI
         solution = solve(done + size, start)
         iterations += 0 if solution is None else solution.result.iterations
         if solution is None or not solution.is_converged:
-            size /= 2.0  # for good: parts that fail cost the most
+            size /= 2.0  # for good: fractions that fail cost the most
             continue
         done += size
         if done == 1.0:

@@ -83,7 +83,7 @@ class CaseData:
     conductivity: Mapping[str, ConductivityLaw] = field(default_factory=dict)
     formulation: Formulation = field(default_factory=DenseBEM)
     solver: Solver = field(default_factory=Auto)
-    limits: StoppingCriteria = field(default_factory=StoppingCriteria)
+    stopping: StoppingCriteria = field(default_factory=StoppingCriteria)
     output: Output = field(default_factory=Output)
     second_body: SecondBody | None = None
     layers: LayerStack = field(default_factory=LayerStack)

@@ -111,7 +111,7 @@ class Diagnostics:
         """
         kinematics, zone = self.kinematics, self.zone
         case = kinematics.case
-        sides = sides_reached(result, self.zone_boundary) if result.status is Status.CONVERGED else 0
+        sides = count_sides_in_contact(result, self.zone_boundary) if result.status is Status.CONVERGED else 0
         # contact that reaches the boundary already implies an overlap of the whole zone
         warnings = list(preflight(kinematics)) if warns and not sides else []
         law = increment.problem.contact_law
@@ -379,7 +379,7 @@ def open_sides(zone: Zone, gaps: Callable[[Array, Array], Array] | None) -> Indi
     return on
 
 
-def sides_reached(step: StepResult, sides: Indices) -> int:
+def count_sides_in_contact(step: StepResult, sides: Indices) -> int:
     """Return how many of the sides (m, 2) are in contact.
 
     It is zero where full contact is intended, as indicated by a uniform gap over the zone.

@@ -228,7 +228,7 @@ def _assemble(
         conductivity=table.conductivity.laws,
         formulation=table.formulation,
         solver=solver,
-        limits=table.solver.record,
+        stopping=table.solver.record,
         output=Output(table.output.figures, table.output.vtu, table.output.fields, table.output.step),
         second_body=second_body,
         layers=layers,

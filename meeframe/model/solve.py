@@ -57,7 +57,7 @@ from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 from meeframe.system.rotated import rotate_frames
 from meeframe.system.two_body import combine_bodies, second_displacement
 
-_PART_OF_WINDOW: Final = 12
+_WINDOW_RATIO: Final = 12
 """Divisor of the stall window of an increment for parts of its load, which converge soon or lead nowhere."""
 _MAX_STORED: Final = 512
 """Number of nodes up to which a failed increment is solved again with a matrix: as much work as some ten iterations."""
@@ -329,12 +329,12 @@ class _Subincrement:
         """
         step, share = self.step, end - first
         duration, sliding = (
-            None if whole is None else share * whole for whole in (step.increment_duration, step.increment_sliding)
+            None if total is None else share * total for total in (step.increment_duration, step.increment_sliding)
         )
-        limits = self.kinematics.case.limits
+        stopping = self.kinematics.case.stopping
 
-        def solve_part(attempt: Attempt) -> Solution:
-            fraction = (self.numbers[1] - 1 + first + attempt.part * share) / step.increments
+        def solve_attempt(attempt: Attempt) -> Solution:
+            fraction = (self.numbers[1] - 1 + first + attempt.fraction * share) / step.increments
             controls = ramp(self.controls, self.begin, self.prescribed, fraction)
             if attempt.approach is not None:
                 controls = ramp(controls, self.begin, {"approach": np.array([attempt.approach])})
@@ -348,17 +348,19 @@ class _Subincrement:
                 problem = resolve_edges(problem, attempt.easing.edge_of, edge) or problem
             planned = replace(planned, problem=problem)
             window = attempt.stall_window
-            bounds = limits if window is None else replace(limits, stall_window=window)
+            bounds = stopping if window is None else replace(stopping, stall_window=window)
             resolves = problem.area_fraction is None and not attempt.easing.at_nodes
             return _solve(self.kinematics, planned, here, start, bounds, self.numbers, self.progress, resolves)
 
         system, is_auto = self.kinematics.system, isinstance(self.kinematics.case.solver, Auto)
         is_steady = self.rolling is not None and self.rolling.is_steady
         if stall_window is not None or not is_auto or is_steady:
-            return solve_part(Attempt(stall_window=stall_window))
-        window = max(1, self.kinematics.case.solver.stall_window // _PART_OF_WINDOW)
+            return solve_attempt(Attempt(stall_window=stall_window))
+        window = max(1, self.kinematics.case.solver.stall_window // _WINDOW_RATIO)
         stores = system.dense() is None and len(system.points) <= _MAX_STORED
-        return solve_persistently(solve_part, window, self._has_large_friction, stores, limits.tolerance, here.state)
+        return solve_persistently(
+            solve_attempt, window, self._has_large_friction, stores, stopping.tolerance, here.state
+        )
 
     @property
     def _has_large_friction(self) -> bool:
@@ -373,7 +375,7 @@ def _solve(
     increment: Increment,
     here: ConvergedState,
     start: ContactState | None,
-    limits: StoppingCriteria,
+    stopping: StoppingCriteria,
     numbers: tuple[int, int],
     progress: Progress,
     resolves: bool = True,
@@ -389,9 +391,9 @@ def _solve(
         start = None  # a coarser division is closer than the state before
     if case.wear is None and resolves:
         edge = partial(kinematics.indenter_edge, increment)
-        solution, problem = solve_to_edges(increment.problem, case.solver, limits, start, progress, edge)
+        solution, problem = solve_to_edges(increment.problem, case.solver, stopping, start, progress, edge)
     else:  # the contact edge lies at nodes, as with wear, or is already resolved
-        solution, problem = solve(increment.problem, case.solver, limits, start, progress), increment.problem
+        solution, problem = solve(increment.problem, case.solver, stopping, start, progress), increment.problem
     release_freed_memory(len(problem.gap))
     problem, depth = without_wear(problem, solution.state)
     increment = replace(increment, problem=problem, depth=depth)

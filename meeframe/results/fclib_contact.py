@@ -124,7 +124,7 @@ def reactions(local: LocalProblem, state: ContactState) -> LocalSolution:
 
 
 def solve_local(
-    local: LocalProblem, solver: Solver, limits: StoppingCriteria | None = None
+    local: LocalProblem, solver: Solver, stopping: StoppingCriteria | None = None
 ) -> tuple[LocalSolution, ContactSolution]:
     """Solve a problem of FCLIB with a solver of meeframe; the second result has the status and the residual.
 
@@ -135,7 +135,7 @@ def solve_local(
     with warnings.catch_warnings():
         # W of more contacts than degrees of freedom is singular: its residual shows whether there is a solution
         warnings.simplefilter("ignore", LinAlgWarning)
-        result = solve(problem, solver, limits)
+        result = solve(problem, solver, stopping)
     return reactions(local, result.state), result
 
 

@@ -97,7 +97,7 @@ def interface_maxima(
         tension = traction @ frame[2]
         return np.stack([tension, np.linalg.norm(traction - tension[:, None] * frame[2], axis=1)])
 
-    found, offsets = [], np.arange(-_REFINED, _REFINED + 1) / _REFINED
+    maxima, offsets = [], np.arange(-_REFINED, _REFINED + 1) / _REFINED
     for number, depth in enumerate(depths.tolist(), 1):
         extent = half_width + _DEPTHS_AROUND * depth
         first, last = np.maximum(low, -extent), np.minimum(high, extent)
@@ -112,18 +112,18 @@ def interface_maxima(
         best, largest = around[[0, 1], values.argmax(axis=1)], values.max(axis=1)
         points = centre + best @ frame[:2] + depth * inwards
         named = zip(("tension", "shear"), largest.tolist(), points, strict=True)
-        found.append(
+        maxima.append(
             InterfaceMaxima(number, depth, *(Maximum(name, value, "Pa", point) for name, value, point in named))
         )
-    return found
+    return maxima
 
 
-def interfaces_table(found: list[InterfaceMaxima]) -> LiteralTable:
+def interfaces_table(interfaces: list[InterfaceMaxima]) -> LiteralTable:
     """Return a table for the terminal with the largest tension and shear on each interface, and their positions."""
     table = LiteralTable("largest tractions on interfaces")
     for header in ("below layer", "depth [m]", "", "unit", "value", "x [m]", "y [m]", "z [m]"):
         table.add_column(header)
-    for number, depth, *maxima in found:
+    for number, depth, *maxima in interfaces:
         for name, value, unit, position in maxima:
             numbers = (f"{0.0 if abs(x) < _ROUND_OFF * depth else x:.4g}" for x in position.tolist())
             table.add_row(str(number), f"{depth:.4g}", name, unit, f"{value:.6g}", *numbers)

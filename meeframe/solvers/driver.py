@@ -10,7 +10,7 @@ from scipy.linalg import LinAlgWarning
 from meeframe.common.blas import ONE_BLAS_THREAD
 from meeframe.common.memory import keep_freed_memory
 from meeframe.contact.conduction import MIN_PRESSURE, MIN_TRACTION, is_partial
-from meeframe.contact.free_motion import reachable_start
+from meeframe.contact.free_motion import start_below_indenter
 from meeframe.contact.generated_heat import heat_moves_surface
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver, Status
 from meeframe.laws.base import contact_conductivity
@@ -54,7 +54,7 @@ def solve(
     with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore", category=LinAlgWarning), ONE_BLAS_THREAD:
         monitor = ConvergenceMonitor(problem, solver, criteria)
         tolerances = (criteria.tolerance,) if criteria.by_residual else ()
-        iterate = solver.init(problem, reachable_start(problem, start), *tolerances)
+        iterate = solver.init(problem, start_below_indenter(problem, start), *tolerances)
         monitor.begin(iterate)
         while monitor.outcome is None:
             iterate = solver.step(problem, iterate)

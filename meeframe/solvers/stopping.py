@@ -9,7 +9,7 @@ import numpy as np
 from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError
 from meeframe.contact.conduction import conducting
-from meeframe.contact.feasibility import beyond_bound, beyond_conduction, beyond_friction, unreachable
+from meeframe.contact.feasibility import beyond_bound, beyond_conduction, beyond_friction, infeasibility
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Iterate, Solver, Status, unbalance
 from meeframe.contact.residual import essential_fields, evaluate, law_residual
 from meeframe.contact.scales import largest, motion_scales, problem_scales
@@ -316,9 +316,9 @@ class ConvergenceMonitor:
     def _follow(self, iterate: Iterate) -> None:
         """Compare load, contact fraction and motion, in characteristic units, with earlier ones."""
         nodes = slice(None, None, -(-len(iterate.load) // MAX_FOLLOWED_NODES))
-        parts = [iterate.load[nodes, field] / self._scales.load[field] for field in self._fields]
-        parts += [iterate.contact_fraction[nodes]] if self._conducts else []
-        entry = np.concatenate([*parts, iterate.motion / self._motion_scales])
+        entries = [iterate.load[nodes, field] / self._scales.load[field] for field in self._fields]
+        entries += [iterate.contact_fraction[nodes]] if self._conducts else []
+        entry = np.concatenate([*entries, iterate.motion / self._motion_scales])
         self._cycle = self._cycle.add(self.iteration, entry, self._criteria.tolerance)
 
     def _is_due(self, iterate: Iterate) -> bool:
@@ -331,13 +331,13 @@ class ConvergenceMonitor:
         return iterate.estimate <= criteria.tolerance or self.iteration % (ESTIMATED_INTERVALS * interval) == 0
 
     @cached_property
-    def _unreachable(self) -> str | None:
+    def _infeasible_resultants(self) -> str | None:
         """Reason, in words, why no state has the prescribed resultants; None if there is none."""
-        return unreachable(self._problem, self._scales) if self._problem.prescribed_resultants else None
+        return infeasibility(self._problem, self._scales) if self._problem.prescribed_resultants else None
 
     def _infeasibility(self, state: ContactState) -> str | None:
         """Return why no state, or none under these pressures, has the prescribed resultants; None if one may."""
-        return self._unreachable or self._insufficiency(state)
+        return self._infeasible_resultants or self._insufficiency(state)
 
     def _insufficiency(self, state: ContactState) -> str | None:
         """Return why friction or conduction under the pressures of a state does not suffice; None if it may."""

@@ -116,7 +116,7 @@ def solve_file(path: Path, solver: str, tolerance: float, overwrite: bool, regis
         Before anything is computed, for invalid input.
     """
     chosen = registry.create(Kind.SOLVER, Choice.read("solver", solver).value)
-    limits = StoppingCriteria(tolerance=tolerance)
+    stopping = StoppingCriteria(tolerance=tolerance)
     problem = read_local(path)
     try:
         previous = read_solution(path)
@@ -126,7 +126,7 @@ def solve_file(path: Path, solver: str, tolerance: float, overwrite: bool, regis
         previous = None
     if previous is None or overwrite:
         check_writable(path)
-    solution, outcome = solve_local(problem, chosen, limits)
+    solution, outcome = solve_local(problem, chosen, stopping)
     messages = [
         f"{len(problem.mu)} contacts",
         f"{outcome.status} in {outcome.iterations} iterations: {outcome.message}",

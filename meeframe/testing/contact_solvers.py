@@ -59,7 +59,7 @@ _INDENTATIONS: Final = st.fixed_dictionaries(
 
 
 def check_solver(
-    solver: Solver, limits: StoppingCriteria | None = None, friction: bool = True, conduction: bool = True
+    solver: Solver, stopping: StoppingCriteria | None = None, friction: bool = True, conduction: bool = True
 ) -> None:
     """Check that a solver is frozen and pure and solves a range of contact problems correctly.
 
@@ -73,7 +73,7 @@ def check_solver(
     ----------
     solver
         The solver.
-    limits
+    stopping
         Stopping criteria.
     friction
         False for a solver of frictionless contact of rigid surfaces only.
@@ -86,20 +86,20 @@ def check_solver(
         If a property fails.
     """
     check_frozen(solver)
-    limits = limits or StoppingCriteria()
+    stopping = stopping or StoppingCriteria()
     for name, problem in _problems(friction, conduction).items():
         with _unchanged(problem, name):
             _check_accepted(solver, problem, name)
             _check_pure(solver, problem, name)
-            solution = _solve(problem, solver, limits, name)
-            _check_start(solver, problem, limits, solution, name)
-        _check_units(solver, problem, limits, solution, name)
+            solution = _solve(problem, solver, stopping, name)
+            _check_start(solver, problem, stopping, solution, name)
+        _check_units(solver, problem, stopping, solution, name)
         if name == "insulated":
-            _check_pressure(problem, limits, solution, name)
+            _check_pressure(problem, stopping, solution, name)
     system = half_space_system(_COMPLIANCE, 5e-3, 6)
     search_for(
         _INDENTATIONS,
-        lambda parameters: _check_drawn(solver, limits, friction, conduction, system, parameters),
+        lambda parameters: _check_drawn(solver, stopping, friction, conduction, system, parameters),
         25,
         simplify=False,
     )
@@ -182,15 +182,15 @@ def _rescale_resultant(resultant: PrescribedResultant, displacement: Array, load
     return PrescribedResultant(resultant.mode * displacement, density, resultant.weights, total)
 
 
-def _check_pressure(problem: ContactProblem, limits: StoppingCriteria, solution: ContactSolution, name: str) -> None:
+def _check_pressure(problem: ContactProblem, stopping: StoppingCriteria, solution: ContactSolution, name: str) -> None:
     expected = exact_pressure(problem)
     error = np.abs(solution.state.load[:, 2] + expected).max() / max(expected.max(), np.finfo(float).tiny)
-    require(error <= 1e4 * limits.tolerance, f"{name}: differs from non-negative least squares", error)
+    require(error <= 1e4 * stopping.tolerance, f"{name}: differs from non-negative least squares", error)
 
 
 def _check_drawn(
     solver: Solver,
-    limits: StoppingCriteria,
+    stopping: StoppingCriteria,
     friction: bool,
     conduction: bool,
     system: ReducedSystem,
@@ -208,9 +208,9 @@ def _check_drawn(
     kappa = parameters["kappa"] if conduction else (0.0, 0.0)
     problem = indentation_problem(system, height, approach, law, kappa, (1e4, -20.0), drag)
     name = f"indentation {parameters}"
-    solution = _solve(problem, solver, limits, name)
+    solution = _solve(problem, solver, stopping, name)
     if law == Signorini() and kappa == (0.0, 0.0):
-        _check_pressure(problem, limits, solution, name)
+        _check_pressure(problem, stopping, solution, name)
 
 
 def _problems(friction: bool, conduction: bool) -> dict[str, ContactProblem]:
@@ -254,19 +254,19 @@ def _prescribe_resultant(weights: Array, field: int, direction: float, total: fl
 
 
 def _solve(
-    problem: ContactProblem, solver: Solver, limits: StoppingCriteria, name: str, start: ContactState | None = None
+    problem: ContactProblem, solver: Solver, stopping: StoppingCriteria, name: str, start: ContactState | None = None
 ) -> ContactSolution:
     """Return the solution of a problem after checking all its conditions."""
     with _unchanged(problem, name):
-        solution = solve(problem, solver, limits, start)
+        solution = solve(problem, solver, stopping, start)
     violation = violations(problem, solution.state)
     worst = max(violation, key=lambda condition: violation[condition])
     message = f"{name}: {solution.message}; the worst condition is {worst!r}"
     require(solution.status is Status.CONVERGED, message, violation[worst])
     value = residual(problem, solution.state)
-    require(value <= 10.0 * limits.tolerance, f"{name}: residual of the state handed over", value)
+    require(value <= 10.0 * stopping.tolerance, f"{name}: residual of the state handed over", value)
     require(
-        violation[worst] <= 100.0 * limits.tolerance, f"{name}: converged, but the {worst} is wrong", violation[worst]
+        violation[worst] <= 100.0 * stopping.tolerance, f"{name}: converged, but the {worst} is wrong", violation[worst]
     )
     return solution
 
@@ -318,14 +318,14 @@ def _check_pure(solver: Solver, problem: ContactProblem, name: str) -> None:
 
 
 def _check_start(
-    solver: Solver, problem: ContactProblem, limits: StoppingCriteria, solution: ContactSolution, name: str
+    solver: Solver, problem: ContactProblem, stopping: StoppingCriteria, solution: ContactSolution, name: str
 ) -> None:
     """Check that the solver accepts a solution as it is."""
     start = _copy_of(solution.state)
     with np.errstate(all="ignore"):
         solver.step(problem, solver.init(problem, start))
     require(_equal(start, solution.state), f"{name}: init or step changes the start", name)
-    again = _solve(problem, solver, limits, name, start)
+    again = _solve(problem, solver, stopping, name, start)
     require(again.iterations <= solver.check_interval, f"{name}: leaves its own solution", again.iterations)
 
 
@@ -348,16 +348,16 @@ def _array_fields(record: Iterate | ContactState) -> dict[str, Array]:
 
 
 def _check_units(
-    solver: Solver, problem: ContactProblem, limits: StoppingCriteria, solution: ContactSolution, name: str
+    solver: Solver, problem: ContactProblem, stopping: StoppingCriteria, solution: ContactSolution, name: str
 ) -> None:
     for displacement, load in ((1e-9, 1e9), (1e9, 1e-9), (1e6, 1e6)):
         displacements = displacement * np.array([1.0, 1.0, 1.0, 1e-7, 1e5])
         loads = load * np.array([1.0, 1.0, 1.0, 1e6, 1e-8])
-        other = _solve(rescaled(problem, displacements, loads), solver, limits, f"{name}: in other units")
+        other = _solve(rescaled(problem, displacements, loads), solver, stopping, f"{name}: in other units")
         change = abs(other.iterations - solution.iterations)
         require(change <= solver.check_interval, f"{name}: the number of iterations depends on units", change)
         # at round-off a biactive node may converge a step earlier or later, so that results agree to the tolerance only
         error = np.abs(other.state.load / loads - solution.state.load).max(axis=0)
         largest = np.maximum(np.abs(solution.state.load).max(axis=0), np.finfo(float).tiny)
-        agrees = bool((error <= 1e3 * limits.tolerance * largest).all())
+        agrees = bool((error <= 1e3 * stopping.tolerance * largest).all())
         require(agrees, f"{name}: the answer depends on units", error / largest)

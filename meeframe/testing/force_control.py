@@ -125,15 +125,15 @@ def released(problem: ContactProblem, state: ContactState, *prescribed: str) -> 
 def balanced_solution(
     problem: ContactProblem,
     solver: Solver,
-    limits: StoppingCriteria = TIGHT_CRITERIA,
+    stopping: StoppingCriteria = TIGHT_CRITERIA,
     start: ContactState | None = None,
 ) -> ContactSolution:
     """Return the solution of a problem. Raises AssertionError unless it converged to the prescribed resultants."""
-    solution = solve(problem, solver, limits, start)
+    solution = solve(problem, solver, stopping, start)
     state = solution.state
     require(solution.status is Status.CONVERGED, f"{solver}: {solution.message}", solution.residual)
     value = residual(problem, state)
-    require(value <= 2.0 * limits.tolerance, f"{solver}: residual of the state handed over", value)
+    require(value <= 2.0 * stopping.tolerance, f"{solver}: residual of the state handed over", value)
     require(
         len(state.motion) == len(problem.prescribed_resultants),
         f"{solver}: one motion for each prescribed resultant",

@@ -11,7 +11,7 @@ from math import ceil, log, log10, sqrt
 
 from numba import njit
 
-UNREACHABLE_ORDER = 1 << 20
+MAX_ORDER = 1 << 20
 
 MODERATE_ANISOTROPY = 1.5
 
@@ -22,11 +22,11 @@ _TINY = 1e-300
 def order_for(spread, degree, tolerance, anisotropy):
     """Return the number of Gauss points for kernels r^-p times a polynomial, at a spread (r1 + r2) / length."""
     if spread <= 1.0 + 1e-12:
-        return UNREACHABLE_ORDER
+        return MAX_ORDER
     across = sqrt(spread * spread - 1.0) / anisotropy
     growth = log(sqrt(1.0 + across * across) + across)
     order = ceil(0.5 * (log(1.0 / tolerance) / growth + degree))
-    return max(min(order, UNREACHABLE_ORDER), degree + 1)
+    return max(min(order, MAX_ORDER), degree + 1)
 
 
 @njit(cache=True, nogil=True)
@@ -35,7 +35,7 @@ def required_orders(distance, size_xi, size_eta, degree, tolerance, anisotropy=M
 
     distance: from the source to the centre; size_xi, size_eta: from element_extents, in the same unit; degree: from
     shape_degree. The min_orders of element_extents apply too. If the source is close, the orders are large, at most
-    UNREACHABLE_ORDER, and element_rule is to be used instead.
+    MAX_ORDER, and element_rule is to be used instead.
     """
     along_xi = order_for((2.0 * distance - size_eta) / size_xi, degree, tolerance, anisotropy)
     along_eta = order_for((2.0 * distance - size_xi) / size_eta, degree, tolerance, anisotropy)

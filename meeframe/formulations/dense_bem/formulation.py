@@ -159,7 +159,10 @@ class DenseBEM(Formulation):
                 foundations.insert(0, Foundation.of(solutions[0], region).scaled(units, layout))
             foundation = foundations[0] if foundations else None
             solutions.insert(
-                0, self._solve_region(region, layout, units, foundation, _part(progress, number, len(regions)))
+                0,
+                self._solve_region(
+                    region, layout, units, foundation, _share_of_progress(progress, number, len(regions))
+                ),
             )
         return LayeredSolution(tuple(solutions), tuple(foundations))
 
@@ -205,8 +208,8 @@ def _scaled_stiffness(body: Body) -> Array:
     return FieldScaling.of(body.stiffness).scale_stiffness(body.stiffness)
 
 
-def _part(progress: Progress, number: int, count: int) -> Progress:
-    """Return a function that reports the progress of one of several regions as part of the whole."""
+def _share_of_progress(progress: Progress, number: int, count: int) -> Progress:
+    """Return a function that reports the progress of one of several regions as a share of that of all."""
     return lambda stage, fraction: progress(stage, (number + fraction) / count)
 
 

@@ -125,20 +125,20 @@ class LayeredSolution:
 
         Points on interfaces belong to the regions above and below, with opposite fluxes.
         """
-        parts = self.fields_of_regions(load)
-        starts = np.cumsum([0, *(len(part.points) for part in parts)])
+        regions = self.fields_of_regions(load)
+        starts = np.cumsum([0, *(len(region.points) for region in regions)])
         cells = [
             (name, numbers + start)
-            for part, start in zip(parts, starts[:-1], strict=True)
-            for name, numbers in part.cells
+            for region, start in zip(regions, starts[:-1], strict=True)
+            for name, numbers in region.cells
         ]
-        arrays = ([getattr(part, name) for part in parts] for name in ("points", "values", "fluxes"))
+        arrays = ([getattr(region, name) for region in regions] for name in ("points", "values", "fluxes"))
         points, values, fluxes = (np.concatenate(each) for each in arrays)
         return NodalFields(points, tuple(cells), values, fluxes)
 
     def fields_of_regions(self, load: Array) -> list[NodalFields]:
         """Return the fields on the boundary of each region for a load (n, fields) in SI units and global axes."""
-        parts, loads = [], self.regions[0].units.fluxes(load).ravel()
+        fields, loads = [], self.regions[0].units.fluxes(load).ravel()
         for number, region in enumerate(self.regions):
             layout = region.layout
             count, floats = len(layout.lower_patches), layout.joints.floats_below
@@ -152,11 +152,11 @@ class LayeredSolution:
                 foundation = self.foundations[number]
                 joined[:n] = (foundation.offset + foundation.matrix @ below)[:n]
             values = np.concatenate([unknowns, loads, [0.0], joined])
-            parts.append(boundary_fields(layout, region.units, region.mesh, values, unknowns, loads))
+            fields.append(boundary_fields(layout, region.units, region.mesh, values, unknowns, loads))
             if count:
                 from_si = (_factors(self.regions[k].units, count, floats)[1] for k in (number + 1, number))
                 loads = below * next(from_si) / next(from_si)
-        return parts
+        return fields
 
 
 def _factors(units: Units, nodes: int, floats: bool) -> tuple[Array, Array]:

@@ -143,8 +143,8 @@ class InteriorRepresentation:
         u = units.values_si(np.array([value for value, _, _ in results]))
         slopes = np.array([gradient for _, gradient, _ in results])
         gradients = units.values_si(slopes.transpose(0, 2, 1)).transpose(0, 2, 1) / units.length
-        found = PointFields.of(points, u, gradients, self.stiffness)
-        return found if self.moduli is None else found.with_heat(self.moduli, self.temperature)
+        point_fields = PointFields.of(points, u, gradients, self.stiffness)
+        return point_fields if self.moduli is None else point_fields.with_heat(self.moduli, self.temperature)
 
     def on_plane(self, boundary: NodalFields, points: Array, normal: Array) -> PointFields:
         """Return the fields at points (m, 3) on the plane part of the boundary with an outward normal (3,).
@@ -174,8 +174,8 @@ class InteriorRepresentation:
         gradients += (np.linalg.solve(matrix, (rest * factors).T).T * factors)[:, :, None] * normal
         beside = points - np.einsum("mk,mki->mi", located.shapes, boundary.points[located.nodes])
         values += np.einsum("mfi,mi->mf", gradients, beside)
-        found = PointFields.of(points, values, gradients, self.stiffness)
-        return found if self.moduli is None else found.with_heat(self.moduli, self.temperature)
+        fields = PointFields.of(points, values, gradients, self.stiffness)
+        return fields if self.moduli is None else fields.with_heat(self.moduli, self.temperature)
 
     def _check_inside(self, points: Array, angles: Array) -> None:
         """Raise CaseError for points outside the body or too close to its surface; angles (m,) of `_at_point`."""
@@ -258,7 +258,7 @@ class LayeredInterior(InteriorFields):
         points = np.asarray(points, float)
         boundary, first, done = self.recovery(load), 0, 0
         size = len(points), boundary.values.shape[1]
-        found = PointFields(points, np.empty(size), np.empty((*size, 3)), np.empty((size[0], 3, size[1])))
+        fields = PointFields(points, np.empty(size), np.empty((*size, 3)), np.empty((size[0], 3, size[1])))
         depths = (points - self.origin) @ self.downward
         numbers = np.minimum(self.layers.numbers_at(depths), len(self.representations) - 1)
         for number, region in enumerate(self.representations):
@@ -276,17 +276,17 @@ class LayeredInterior(InteriorFields):
                 if not chosen.any():
                     continue
                 if depth is None or normal is None:
-                    part = region.evaluate(replace(boundary, cells=cells), points[chosen])
+                    in_region = region.evaluate(replace(boundary, cells=cells), points[chosen])
                 else:
-                    part = region.on_plane(replace(boundary, cells=cells), points[chosen], normal)
-                found.values[chosen], found.gradients[chosen], found.fluxes[chosen] = (
-                    part.values,
-                    part.gradients,
-                    part.fluxes,
+                    in_region = region.on_plane(replace(boundary, cells=cells), points[chosen], normal)
+                fields.values[chosen], fields.gradients[chosen], fields.fluxes[chosen] = (
+                    in_region.values,
+                    in_region.gradients,
+                    in_region.fluxes,
                 )
             first, done = first + len(cells), done + int((numbers == number).sum())
             progress(INTERIOR_STAGE, done / max(len(points), 1))
-        return found
+        return fields
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,20 +30,20 @@ RESULTANT_ROUND_OFF: Final = 1e-10
 """Largest relative remainder that counts as round-off where the resultants determine all values."""
 
 
-def _normal_parts(problem: ContactProblem, values: list[Array]) -> Array:
-    """Return the normal parts (k, n) of values (n, fields), zero without an indenter above; a view where possible."""
+def _normal_components(problem: ContactProblem, values: list[Array]) -> Array:
+    """Return normal components (k, n) of values (n, fields), zero without an indenter above; a view where possible."""
     above = np.isfinite(problem.gap)
     if len(values) == 1 and above.all():
         return values[0].T[NORMAL : NORMAL + 1]
-    parts = np.zeros((len(values), len(problem.gap)))
-    for part, value in zip(parts, values, strict=True):
-        np.copyto(part, value[:, NORMAL], where=above)
-    return parts
+    components = np.zeros((len(values), len(problem.gap)))
+    for component, value in zip(components, values, strict=True):
+        np.copyto(component, value[:, NORMAL], where=above)
+    return components
 
 
 @dataclass(frozen=True, eq=False)
 class NormalModes:
-    """Normal parts of the free motions of the indenter.
+    """Normal components of the free motions of the indenter.
 
     Attributes
     ----------
@@ -72,8 +72,8 @@ class NormalModes:
         """
         numbers = motions(problem)
         free = [problem.prescribed_resultants[number] for number in numbers]
-        mode = _normal_parts(problem, [resultant.mode for resultant in free])
-        density = _normal_parts(problem, [resultant.density for resultant in free])
+        mode = _normal_components(problem, [resultant.mode for resultant in free])
+        density = _normal_components(problem, [resultant.density for resultant in free])
         for k, number in enumerate(numbers):
             measure, work = (problem.system.weights * values for values in (density[k], mode[k]))
             factor = (measure @ work) / ((work @ work) or 1.0)

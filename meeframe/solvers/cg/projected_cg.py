@@ -195,8 +195,8 @@ def _advance(memory: _Memory) -> tuple[_Memory, Array]:
         slope, curvature = float(weighted @ memory.residual), float(weighted @ opening[free])
         if 0.0 < -slope < 0.5 * curvature:
             # the energy would rise: on grids that hardly resolve a rough surface, steps would cycle
-            part = -slope / curvature
-            values, opening = before + part * change, part * opening
+            fraction = -slope / curvature
+            values, opening = before + fraction * change, fraction * opening
         # later directions are not conjugate to a step of which the projection has left little
         if np.linalg.norm(values - trial) > MAX_CUT * np.linalg.norm(length * direction):
             memory = replace(memory, product=0.0)

@@ -249,14 +249,14 @@ class Elimination:
 
     def _response_to_tractions(self, traction: Array, conductors: Conductors) -> tuple[Array, Array]:
         """Return the displacement (n, 3) and the rise (a,) of the negated potentials of the conducting pairs."""
-        moved, loads = np.zeros((self.problem.fields.size, len(traction))).T, traction.T[self.mechanical]
+        displacement, loads = np.zeros((self.problem.fields.size, len(traction))).T, traction.T[self.mechanical]
         if self.matrix is None or conductors.couplings is None:
             fields = self.mechanical + self.conducting
-            moved[:, fields] = apply_fields(self.problem.system, loads.T, self.mechanical, fields)
-            return moved[:, MECHANICAL], -moved[:, POTENTIALS][conductors.conducts]
+            displacement[:, fields] = apply_fields(self.problem.system, loads.T, self.mechanical, fields)
+            return displacement[:, MECHANICAL], -displacement[:, POTENTIALS][conductors.conducts]
         size, values = loads.size, loads.ravel()
-        moved[:, self.mechanical] = (self.matrix[:size, :size] @ values).reshape(loads.shape).T
-        return moved[:, MECHANICAL], -(conductors.couplings[0] @ values)
+        displacement[:, self.mechanical] = (self.matrix[:size, :size] @ values).reshape(loads.shape).T
+        return displacement[:, MECHANICAL], -(conductors.couplings[0] @ values)
 
     def _displacement_by_flux(self, flux: Array, conductors: Conductors) -> Array:
         """Return the displacement (n, m) in the mechanical fields due to fluxes (n, channels) of the pairs."""

@@ -156,14 +156,14 @@ class ReducedJacobian:
         resultants, products = self.equation.problem.prescribed_resultants, self.of_displacement
         motion_columns = np.zeros((len(resultants), *self.coupled.shape), self.precision)
         for column, unit, resultant in zip(motion_columns, self.equation.units, resultants, strict=True):
-            moved = {
+            motions = {
                 index: (unit * resultant.mode[self.nodes, field]).astype(self.precision)
                 for index, field in enumerate(self.displacement_fields)
                 if field in resultant.mode_fields
             }
             for row, index, entry in zip(products.rows, products.columns, products.entries, strict=True):
-                if index in moved:
-                    column[row] += entry * moved[index]
+                if index in motions:
+                    column[row] += entry * motions[index]
         return motion_columns.reshape(len(resultants), self.coupled.size)
 
     def measures(self) -> list[dict[int, Array]]:

@@ -57,8 +57,8 @@ def preconditioner(jacobian: ReducedJacobian) -> Linear:
         if field in jacobian.components:
             row = jacobian.components.index(field)
             conducting, channel = between[coupled[row, between]], field - N_MECHANICAL
-            own = jacobian.equation.self_compliance[jacobian.nodes[conducting], channel]
-            share = own / (own + jacobian.equation.series[field]) / jacobian.equation.scales.drop[channel]
+            compliance = jacobian.equation.self_compliance[jacobian.nodes[conducting], channel]
+            share = compliance / (compliance + jacobian.equation.series[field]) / jacobian.equation.scales.drop[channel]
             a = a.with_entries(row, row, conducting, share * jacobian.series[row])
             b = b.with_entries(row, jacobian.displacement_fields.index(field), conducting, share)
     solve = _solution_of_loads(replace(jacobian, a=a, b=b, coupled=coupled))
@@ -214,12 +214,12 @@ def _displacement_rows(jacobian: ReducedJacobian, self_compliance: NodeBlocks) -
     for position, field in enumerate(jacobian.fields):
         if jacobian.equation.inverse and field in jacobian.equation.loaded:
             column = jacobian.displacement_fields.index(field)
-            itself, moved = jacobian.a.entry(position, position), jacobian.b.entry(position, column)
-            own = self_compliance.entry(column, position) + jacobian.series[position]
+            itself, coupling = jacobian.a.entry(position, position), jacobian.b.entry(position, column)
+            compliance = self_compliance.entry(column, position) + jacobian.series[position]
             threshold = np.abs(itself) / (MAX_TANGENTIAL_RATIO if field in TANGENTIAL else 1.0)
-            prescribing[position] = jacobian.coupled[position] & (np.abs(moved * own) > threshold)
+            prescribing[position] = jacobian.coupled[position] & (np.abs(coupling * compliance) > threshold)
             if flow and field in TANGENTIAL:
-                np.divide(itself, moved, out=friction[position], where=prescribing[position])
+                np.divide(itself, coupling, out=friction[position], where=prescribing[position])
     return prescribing, np.maximum(friction, 0.0)
 
 

@@ -182,7 +182,7 @@ class _Solution:
     def _nearby(self) -> Case:
         """Return the case of pressures just below and above those of the study; insulated unless charges matter."""
         case = self._study.case
-        difference = max(MIN_DIFFERENCE, math.sqrt(case.limits.tolerance))
+        difference = max(MIN_DIFFERENCE, math.sqrt(case.stopping.tolerance))
         charged = self._has_charge and self._study.is_coupled
         steps = [
             replace(step, normal_force=step.normal_force * factor)

@@ -70,19 +70,19 @@ class LayerWaves:
         """Return values and derivatives (4, f, w) of waves (w, 2) of loads (f, w) as a function of the depth [m]."""
         k, angles = np.hypot(*waves.T), np.arctan2(waves[:, 1], waves[:, 0])
         count = max(1, BATCH // len(self.stiffnesses))
-        parts = [slice(first, first + count) for first in range(0, len(waves), count)]
-        amplitudes = [wave_amplitudes(self._symbol(angles[part]), k[part], loads[:, part].T) for part in parts]
+        batches = [slice(first, first + count) for first in range(0, len(waves), count)]
+        amplitudes = [wave_amplitudes(self._symbol(angles[batch]), k[batch], loads[:, batch].T) for batch in batches]
 
         def at_depth(depth: float) -> ComplexArray:
             fields = np.zeros((4, *loads.shape), complex)
             number, *distances = self.body.layers.locate(depth)
             if number == len(self.stiffnesses):  # in the rigid base
                 return fields
-            for part, of_part in zip(parts, amplitudes, strict=True):
-                medium = self._medium(number, angles[part])
-                values, slopes = wave_fields(medium, k[part], of_part[number], *distances)
+            for batch, in_batch in zip(batches, amplitudes, strict=True):
+                medium = self._medium(number, angles[batch])
+                values, slopes = wave_fields(medium, k[batch], in_batch[number], *distances)
                 ratio = medium.factors / self.factors
-                fields[0, :, part], fields[3, :, part] = (values * ratio).T, (slopes * ratio).T
+                fields[0, :, batch], fields[3, :, batch] = (values * ratio).T, (slopes * ratio).T
             fields[1:3] = 1j * waves.T[:, None, :] * fields[0]
             return fields
 

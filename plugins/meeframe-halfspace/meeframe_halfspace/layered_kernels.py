@@ -126,9 +126,9 @@ def _add_piece(x0, x1, y0, y1, weight, width, height, series, rules, radial, val
         ratio = max(x1 - x0, y1 - y0) / np.sqrt(near_x * near_x + near_y * near_y + height * height)
         if ratio > 1.0 and count < 3 * MAX_DIVISIONS:
             xm, ym = 0.5 * (x0 + x1), 0.5 * (y0 + y1)
-            for part in range(4):
-                stack[count, 0], stack[count, 1] = (x0, xm) if part % 2 == 0 else (xm, x1)
-                stack[count, 2], stack[count, 3] = (y0, ym) if part < 2 else (ym, y1)
+            for quarter in range(4):
+                stack[count, 0], stack[count, 1] = (x0, xm) if quarter % 2 == 0 else (xm, x1)
+                stack[count, 2], stack[count, 3] = (y0, ym) if quarter < 2 else (ym, y1)
                 count += 1
             continue
         # the error of n points falls like (ratio / 4)^(2 n)

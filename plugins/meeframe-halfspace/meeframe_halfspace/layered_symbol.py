@@ -377,7 +377,7 @@ def _coefficients(sampling: Sampling, waves: Complex, terms: Terms) -> Array:
     """Return the coefficients (n, t) of the terms from samples (n, directions, ...) over half a circle."""
     circle = np.concatenate([waves, waves.conj()], axis=1)
     count = circle.shape[1]
-    both = np.concatenate([np.fft.rfft(part, axis=1) for part in sampling.entries(circle)], axis=2)
+    both = np.concatenate([np.fft.rfft(entry, axis=1) for entry in sampling.entries(circle)], axis=2)
     chosen = both[:, terms.harmonics, terms.entries]
     weights = np.where(terms.harmonics == 0, 1.0, 2.0) / count
     return np.asarray(np.where(terms.sines == 1, -chosen.imag, chosen.real) * weights)

@@ -126,6 +126,6 @@ def interpolate(
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
         if sum(len(one) for one, *_ in done) + len(low) > MAX_PANELS:
             raise MaterialError(f"the response of the layers needs more than {MAX_PANELS} panels")
-    starts, ends, series, errors = (np.concatenate(parts) for parts in zip(*done, strict=True))
+    starts, ends, series, errors = (np.concatenate(arrays) for arrays in zip(*done, strict=True))
     order = np.argsort(starts)
     return np.append(starts[order], ends.max()), series[order], errors[order]

@@ -167,21 +167,21 @@ class HalfSpaceSystem(
     def _response(self, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
         """Return the displacement (n, k) due to a load (l, n) in l fields."""
         on_grid = self.grid.to_grid(load.astype(np.result_type(load, np.float32), copy=False))
-        return self.grid.scatter(self.convolution.response(self._inner_part(on_grid), loaded, fields))
+        return self.grid.scatter(self.convolution.response(self._load_inside(on_grid), loaded, fields))
 
     @property
     def shares(self) -> Array:
         """Fraction (n,) of the density around each node that belongs to the zone, below 1 only on its border."""
         return self.grid.scatter(np.outer(*self.fractions)[None])[:, 0]
 
-    def _inner_part(self, on_grid: Array) -> Array:
+    def _load_inside(self, on_grid: Array) -> Array:
         """Return the parts of loads (k, nx, ny) that belong to the zone, as a view if its border bears none."""
         along, across = (np.flatnonzero(fractions != 1.0) for fractions in self.fractions)
         if not on_grid[:, along].any() and not on_grid[:, :, across].any():
             return on_grid
-        part = on_grid.copy()
-        self._multiply(part)
-        return part
+        inside = on_grid.copy()
+        self._multiply(inside)
+        return inside
 
     def _multiply(self, on_grid: Array, power: float = 1.0) -> None:
         """Multiply values (k, nx, ny) by a power of the shares, in place."""
@@ -259,7 +259,7 @@ class HalfSpaceSystem(
 
         def restrict(values: Array) -> Array:
             if shares is not None:
-                values = self.grid.scatter(self._inner_part(self.grid.to_grid(values[None])))[:, 0]
+                values = self.grid.scatter(self._load_inside(self.grid.to_grid(values[None])))[:, 0]
             restricted = levels.restrict(values.reshape(size) if positions is None else values[self.grid.nodes])
             return restricted if shares is None else restricted / shares
 
@@ -269,8 +269,8 @@ class HalfSpaceSystem(
         """Return responses to the load of a node in the middle of the grid, or of the smallest sufficient part."""
         if min(self.grid.size) <= 2 * radius:
             return None
-        part = self.grid_response.restrict((2 * radius + 1, 2 * radius + 1))
-        convolution = self.convolution if part is None else convolution_of(part)
+        smallest = self.grid_response.restrict((2 * radius + 1, 2 * radius + 1))
+        convolution = self.convolution if smallest is None else convolution_of(smallest)
         middle = [n // 2 for n in convolution.size]
         around = tuple(slice(place - radius, place + radius + 1) for place in middle)
         load, fields = np.zeros((1, *convolution.size), np.float32), range(self.n_fields)

@@ -124,7 +124,7 @@ def small_case(**changes):
         steps=(Step(approach=3e-5, translation=(1e-5, 0.5e-5)),),
         contact_law=IsotropicCoulomb(0.4),
         conductivity={"electric": StepConductivity(np.inf)},
-        limits=StoppingCriteria(tolerance=1e-8),
+        stopping=StoppingCriteria(tolerance=1e-8),
         formulation=HalfSpace(),
         **changes,
     )
@@ -177,7 +177,7 @@ def test_two_equal_isotropic_bodies_have_half_the_stiffness(limit):
         indenter=rigid.Sphere(0.1),
         steps=(Step(approach=4e-5),),
         formulation=formulation,
-        limits=StoppingCriteria(tolerance=1e-8),
+        stopping=StoppingCriteria(tolerance=1e-8),
         second_body=SecondBody(material, mesh, formulation=formulation),
     )
     force, _ = totals(case)
@@ -232,7 +232,7 @@ def rough_case(force, rms_height=1e-6, **changes):
         "indenter": rough,
         "steps": (Step(normal_force=force),),
         "formulation": HalfSpace("trigonometric", periodic=True, matrix_up_to=0),
-        "limits": StoppingCriteria(tolerance=1e-9),
+        "stopping": StoppingCriteria(tolerance=1e-9),
     }
     return Case(**(given | changes))
 
@@ -262,7 +262,7 @@ def test_frictional_rough_contact():
         steps=steps,
         contact_law=IsotropicCoulomb(0.3),
         conductivity={"electric": StepConductivity(np.inf)},
-        limits=StoppingCriteria(tolerance=1e-8),
+        stopping=StoppingCriteria(tolerance=1e-8),
     )
     system = reduce(case)
     states = list(solve_steps(case, system, boundary=False))

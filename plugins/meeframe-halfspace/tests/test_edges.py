@@ -248,7 +248,7 @@ def half_space_case(indenter, approach, placement, width, divisions, edges="reso
         conductivity={"electric": StepConductivity(0.0 if potential is None else np.inf)},
         potentials={"electric_potential": potential or 0.0},
         steps=(Step(approach=approach),),
-        limits=StoppingCriteria(tolerance=1e-8),
+        stopping=StoppingCriteria(tolerance=1e-8),
     )
 
 

@@ -137,8 +137,8 @@ def _add_singular(
     )
     weak = integrals.kernel.weakly_singular()
     if len(weak):
-        _, whole = _sums(integrals, quadrature, quadrature.starts, quadrature.weights)
-        sums_of_elements[1][..., weak] = whole[..., weak]
+        _, unreduced = _sums(integrals, quadrature, quadrature.starts, quadrature.weights)
+        sums_of_elements[1][..., weak] = unreduced[..., weak]
     accumulate(integrals.fields, *sums_of_elements, kind.sites[singular], kind.patches[singular], window, sums)
 
 

@@ -117,13 +117,13 @@ class FiniteElementInterior(InteriorFields):
         on = np.flatnonzero((np.abs(below[:, None] - depths) < _ON_INTERFACE * depths).any(axis=1))
         beside = _BESIDE_INTERFACE * np.diff(depths, prepend=0.0).min()
         distance = _LINEAR if len(mesh.element.nodes) == mesh.element.n_corners else _QUADRATIC
-        tractions, distances, found = [], [], np.ones(len(on), bool)
+        tractions, distances, has_cells = [], [], np.ones(len(on), bool)
         for side in (normal, -normal):
             cells, _ = locate(mesh, fields.points[on] + beside * side)
             away = distance * np.ptp(mesh.points[mesh.cells[cells]] @ normal, axis=1)
             points = fields.points[on] + away[:, None] * side
             cells, xi = locate(mesh, points)
-            found &= cells >= 0  # bodies with oblique sides may have no element there
+            has_cells &= cells >= 0  # bodies with oblique sides may have no element there
             tractions.append(self._in_cells(solved, points, cells, xi).fluxes[:, :, MECHANICAL] @ normal)
             distances.append(away[:, None])
         (above, under), (up, down) = tractions, distances
@@ -131,7 +131,7 @@ class FiniteElementInterior(InteriorFields):
         stress = fluxes[on][:, :, MECHANICAL]
         change = ((down * above + up * under) / (up + down) - stress @ normal)[:, :, None] * normal
         across = np.einsum("i,mij,j->m", normal, change, normal)[:, None, None] * np.outer(normal, normal)
-        fluxes[on[found], :, MECHANICAL] = (stress + change + change.transpose(0, 2, 1) - across)[found]
+        fluxes[on[has_cells], :, MECHANICAL] = (stress + change + change.transpose(0, 2, 1) - across)[has_cells]
         return replace(fields, fluxes=fluxes)
 
 

@@ -78,7 +78,7 @@ def assert_same_model(one, other) -> None:
     """Assert that two checked cases are identical."""
     np.testing.assert_array_equal(one.material.stiffness, other.material.stiffness)
     np.testing.assert_array_equal(one.mesh.points, other.mesh.points)
-    for name in ("steps", "placement", "potentials", "zone", "axes", "limits", "title"):
+    for name in ("steps", "placement", "potentials", "zone", "axes", "stopping", "title"):
         assert getattr(one, name) == getattr(other, name), name
     for name in ("indenter", "contact_law", "formulation", "solver", "output"):
         assert repr(getattr(one, name)) == repr(getattr(other, name)), name

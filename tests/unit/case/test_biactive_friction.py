@@ -180,13 +180,13 @@ def test_friction_that_jumps_is_sought_from_parts_of_the_load(synthetic):
     whole, reached = single_node(IsotropicCoulomb(np.inf)), [0.0]
 
     def attempt(attempt):
-        problem = replace(whole, gap=attempt.part * whole.gap)
+        problem = replace(whole, gap=attempt.fraction * whole.gap)
         eased = attempt.easing.apply(problem)
         solution = solve(eased, Auto(), StoppingCriteria(stall_window=10), attempt.start)
-        is_near = attempt.easing.ratio < np.inf and attempt.part <= reached[-1] + 0.2
+        is_near = attempt.easing.ratio < np.inf and attempt.fraction <= reached[-1] + 0.2
         status = solution.status if is_near else Status.STALLED
         if status is Status.CONVERGED and law_residual(problem, solution.state, problem_scales(problem)) < 1e-10:
-            reached.append(attempt.part)
+            reached.append(attempt.fraction)
         result = replace(synthetic.step(1e-6), status=status, residual=solution.residual, area_fraction=None)
         return Solution(Planned(eased), SimpleNamespace(state=solution.state), result)
 

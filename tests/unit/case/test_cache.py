@@ -192,7 +192,7 @@ def test_loads_laws_and_solvers_share_one_system(case):
         "contact_law": IsotropicCoulomb(0.3),
         "conductivity": {"electric": StepConductivity(1.0), "magnetic": StepConductivity(1.0)},
         "solver": Auto(),
-        "limits": StoppingCriteria(tolerance=1e-6),
+        "stopping": StoppingCriteria(tolerance=1e-6),
         "title": "another",
         "text": "another",
     }

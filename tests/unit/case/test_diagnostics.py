@@ -16,7 +16,7 @@ from meeframe.contact.problem import Status
 from meeframe.indenters import FlatPunch
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
 from meeframe.model import solve as model
-from meeframe.model.diagnostics import diagnostics, open_sides, sides_reached
+from meeframe.model.diagnostics import count_sides_in_contact, diagnostics, open_sides
 from meeframe.model.load import load_case
 from meeframe.model.step import Step
 from meeframe.results.records import Region
@@ -141,7 +141,7 @@ def test_message_about_sides_has_correct_number(synthetic):
     region = np.zeros(25, int)
     region[[0, 1]] = Region.STICK
     step = replace(step, region=region)
-    (reported,) = diagnostics(zone, step, LAWS[0], sides_reached(step, open_sides(zone, None)))
+    (reported,) = diagnostics(zone, step, LAWS[0], count_sides_in_contact(step, open_sides(zone, None)))
     assert re.fullmatch(r"the contact reaches the boundary of its zone at 1 element side", reported)
 
 
@@ -183,7 +183,7 @@ def test_contact_formed_in_one_increment(bed, frictional, steps, poisson, change
 def test_more_increments_are_advised_where_one_fails(bed, frictional, increments, law, advised):
     """No increment converges here, so that all of the contact is new in each."""
     steps = [Step(approach=2e-5, increments=increments)]
-    case = replace(frictional, steps=steps, contact_law=law, limits=StoppingCriteria(max_iterations=1))
+    case = replace(frictional, steps=steps, contact_law=law, stopping=StoppingCriteria(max_iterations=1))
     results = list(model.solve_steps(case, bed.half_space(24), boundary=False))
     assert [result.status for result in results] == [Status.ITERATION_LIMIT] * len(results)
     assert ("more `increments` may converge" in results[-1].message) == bool(advised)

@@ -184,11 +184,11 @@ def test_conductivities_are_checked_where_the_case_needs_them(case, solver, beyo
 @pytest.mark.parametrize("solver", [Auto(), Uzawa()])
 def test_intermediate_states_are_reported_and_not_evaluated(case, solver):
     """Resistances become negative above 0.1 GPa: the iteration ends at the limit before they affect the results."""
-    limits = replace(case.limits, max_iterations=1)
+    stopping = replace(case.stopping, max_iterations=1)
     case = replace(
         case,
         solver=solver,
-        limits=limits,
+        stopping=stopping,
         potentials={"electric_potential": 100.0},
         conductivity={"electric": Decreasing(1e8)},
     )

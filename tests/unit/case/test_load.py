@@ -77,7 +77,7 @@ electric_flux = 1e-6
     assert case.formulation == DenseBEM(LineIntegral())
     assert (case.placement.x, case.placement.tilt_1) == pytest.approx((1e-3, math.radians(2)))
     assert case.solver.step_normal == pytest.approx(1e13)
-    assert (case.limits.tolerance, case.limits.max_iterations, case.limits.criterion) == (1e-6, 77, "paper")
+    assert (case.stopping.tolerance, case.stopping.max_iterations, case.stopping.criterion) == (1e-6, 77, "paper")
     assert (case.output.figures, case.output.vtu) == (False, True)
     assert case.mesh.blocks[0].element.name == Quad9().name
     (step,) = case.steps
@@ -91,7 +91,7 @@ def test_tables_without_a_name_use_the_default(write_case, registry):
     changes = ('name = "winkler"\nstiffness = "1e14 Pa/m"', "quadrature_tolerance = 1e-3")
     case = load_case(write_case(changes, more="\n[solver]\ntolerance = 1e-7\n"), registry)
     assert case.formulation == DenseBEM(quadrature_tolerance=1e-3)
-    assert (case.solver, case.limits.tolerance) == (Auto(), 1e-7)
+    assert (case.solver, case.stopping.tolerance) == (Auto(), 1e-7)
 
 
 def test_byte_order_mark(write_case, registry):

@@ -120,9 +120,9 @@ def test_undetermined_motions_are_unchanged_or_rejected(bed, frictional, system)
 def test_increment_after_failure_starts_from_last_converged_state(bed, frictional, system):
     """Above the friction limit there is no state; the next increments proceed as if it had not been attempted."""
     frictional = replace(frictional, solver=SemismoothNewton())
-    limits = replace(frictional.limits, max_iterations=15)
+    stopping = replace(frictional.stopping, max_iterations=15)
     steps = Step(approach=3e-5), Step(force_ratio=(0.4, 0.0), increments=2), Step(force_ratio=(0.1, 0.0))
-    tried = list(solve_steps(replace(frictional, steps=steps, limits=limits), system, boundary=False))
+    tried = list(solve_steps(replace(frictional, steps=steps, stopping=stopping), system, boundary=False))
     assert [step.status is Status.CONVERGED for step in tried] == [True, True, False, True]
     assert tried[2].message.endswith("; the next increment starts from the last one that converged")
     untried = bed.follow(

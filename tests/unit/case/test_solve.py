@@ -103,9 +103,9 @@ def test_potentials_in_conducting_contact(case):
 
 
 def test_steps_continue_after_a_failed_step(case):
-    limits = dataclasses.replace(case.limits, max_iterations=1)
+    stopping = dataclasses.replace(case.stopping, max_iterations=1)
     case = dataclasses.replace(case, solver=Uzawa())
-    result = meeframe.solve_case(dataclasses.replace(case, limits=limits))
+    result = meeframe.solve_case(dataclasses.replace(case, stopping=stopping))
     assert result.status is RunStatus.NOT_CONVERGED
     assert [step.status for step in result.steps] == [Status.ITERATION_LIMIT] * 2
     assert all(step.iterations == 1 and step.message for step in result.steps)

@@ -63,8 +63,8 @@ def test_contact_at_zone_boundary_is_flagged(case, how):
 
 def test_unconverged_contact_is_not_flagged(case):
     """The overlap of the whole zone is reported nevertheless."""
-    dragged, limits = Step(1e-3, translation=(1e-5, 0.0)), StoppingCriteria(max_iterations=1)
-    deep = replace(case, steps=(dragged,), contact_law=IsotropicCoulomb(0.3), solver=Uzawa(), limits=limits)
+    dragged, stopping = Step(1e-3, translation=(1e-5, 0.0)), StoppingCriteria(max_iterations=1)
+    deep = replace(case, steps=(dragged,), contact_law=IsotropicCoulomb(0.3), solver=Uzawa(), stopping=stopping)
     (step,) = meeframe.solve_case(deep).steps
     assert step.status is not Status.CONVERGED
     assert step.touching.all()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from meeframe.contact.feasibility import unreachable
+from meeframe.contact.feasibility import infeasibility
 from meeframe.contact.problem import PrescribedResultant
 from meeframe.contact.scales import problem_scales
 from meeframe.laws import IsotropicCoulomb, OrthotropicCoulomb, Signorini
@@ -24,7 +24,7 @@ def is_feasible(law, *resultants, cells=6) -> bool:
         mode[:, :3] = motion(system.points) if callable(motion) else motion
         prescribed_resultants.append(PrescribedResultant(mode, mode, system.weights, total))
     problem = replace(problem, prescribed_resultants=tuple(prescribed_resultants))
-    return unreachable(problem, problem_scales(problem)) is None
+    return infeasibility(problem, problem_scales(problem)) is None
 
 
 def pitch(points):
