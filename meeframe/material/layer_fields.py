@@ -97,30 +97,6 @@ def wave_fields(
     return values[..., 0], slopes[..., 0] * k[:, None]
 
 
-def waves_in_layers(symbol: SurfaceSymbol, k: Array, traction: Complex, depth: float) -> tuple[Complex, Complex]:
-    """Return fields and their derivatives along the outward normal at a depth below the surface.
-
-    Parameters
-    ----------
-    symbol, k, traction
-        As for `wave_amplitudes`.
-    depth
-        Depth [m]; on an interface the fields are those above it.
-
-    Returns
-    -------
-    tuple of ndarray of complex
-        Fields and derivatives [1/m], (w, fields), scaled by `symbol.factors`; zero in a rigid base.
-    """
-    number, *distances = locate_depth(symbol.bottoms, depth)
-    if number == len(symbol.media):
-        return np.zeros_like(traction), np.zeros_like(traction)
-    medium = symbol.media[number]
-    values, slopes = wave_fields(medium, k, wave_amplitudes(symbol, k, traction)[number], *distances)
-    factors = medium.factors / symbol.factors
-    return values * factors, slopes * factors
-
-
 def uniform_in_layers(
     symbol: SurfaceSymbol, compliances: Mapping[int, Array], traction: Array, depth: float
 ) -> tuple[Array, Array]:

@@ -8,7 +8,7 @@ for Crystallography D, 1.1.5.3), likewise m with q.
 """
 
 from collections.abc import Mapping
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,6 @@ from meeframe.fields.units import MAX_MAGNITUDE, Quantity
 from meeframe.material.checks import check_tensor_symmetry, material_phrase
 from meeframe.material.voigt import INDEX_PAIRS, mandel_matrix
 
-Constraint = Literal["strain", "stress"]
 CONSTRAINTS: Final = ("strain", "stress")
 """Quantities that may be constant where pyroelectric and pyromagnetic coefficients are measured."""
 EXPANSION, MODULI, PYROELECTRIC, PYROMAGNETIC = "thermal_expansion", "thermal_moduli", "pyroelectric", "pyromagnetic"

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from meeframe.elements import ELEMENTS, Quad4, Quad9, Tri3, Tri6
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.elements.base import shape_functions
-from meeframe.elements.principal_value import free_term, tangent_facet, traction_principal_value
 from meeframe.elements.quadrature import element_rule
 from meeframe.greens import LineIntegral
 from meeframe.mesh import box_mesh, sphere_mesh
 from meeframe.testing.element import check_element, reference_points
 from meeframe.testing.polygon import single_layer, solid_angle
+from meeframe.testing.principal_value import free_term, tangent_facet, traction_principal_value
 from meeframe.testing.strategies import extended_stiffness, unit_vectors
 
 

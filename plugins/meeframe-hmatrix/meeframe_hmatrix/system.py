@@ -286,21 +286,6 @@ class HierarchicalSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Pers
             self.inverses[key] = truncated_inverse(select_fields(self.compliance, *scaled), unit, self.order)
         return self.inverses[key]
 
-    def apply_iterative(self, load: Array) -> tuple[Array, int]:
-        """Return offset + compliance(load) by GMRES on the whole system, (n, f), and the number of iterations.
-
-        It is free of the truncation of the elimination, which only affects the preconditioner; that of the assembly
-        remains. Raises CaseError if it does not converge.
-        """
-        boundary = self.boundary
-        loads = np.einsum("nja,na->nj", self.to_load, load)[self.order].ravel()
-        rhs = boundary.system.rhs + multiply(boundary.system.load_matrix, loads[:, None])[:, 0]
-        solution, iterations = boundary.solve(rhs)
-        values = np.empty_like(load)
-        values[self.order] = solution[boundary.tree.zone.unknowns].reshape(load.shape)
-        displacement: Array = np.einsum("naj,nj->na", self.to_displacement, values)
-        return displacement, iterations
-
     def diagonal_blocks(self) -> Array:
         """Return the response of each node to its own load, (n, f, f)."""
         return self.node_compliance

@@ -64,8 +64,8 @@ def test_compliance_converges_to_dense_with_tolerance(dense, systems, smooth_loa
         difference = np.abs(system.diagonal_blocks() - dense.diagonal_blocks())
         assert (difference < 5 * tolerance * scale[:, :, None] * scale[:, None]).all()
         assert (relative(system.offset, dense.offset) < 5 * tolerance).all()
-        refined, _ = system.apply_iterative(smooth_load(dense))
-        assert (relative(refined - dense.offset, expected) < 5 * tolerance).all()
+        computed, expected = (s.recover(smooth_load(dense)).values for s in (system, dense))
+        assert (relative(computed, expected) < 5 * tolerance).all()
     sizes = [count_entries(systems[tolerance].boundary.system.matrix) for tolerance in TOLERANCES]
     assert sizes[0] < 0.9 * sizes[1]
 

@@ -8,12 +8,12 @@ import pytest
 
 from meeframe.elements import ELEMENTS, Quad4, Quad8, Quad9, Tri3, Tri6
 from meeframe.elements.base import SurfaceElement
-from meeframe.elements.principal_value import free_term, tangent_facet, traction_principal_value
 from meeframe.elements.quadrature import element_rule
 from meeframe.fields import Array
 from meeframe.greens import LineIntegral
 from meeframe.greens.base import Kernel
 from meeframe.material import library_material
+from meeframe.testing.principal_value import free_term, tangent_facet, traction_principal_value
 from meeframe.testing.strategies import scaled_stiffness
 
 POISSON = 0.3
