@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.problem import ContactProblem
-from meeframe.fields import N_MECHANICAL, POTENTIALS, Array
+from meeframe.fields import N_MECHANICAL, NORMAL, POTENTIALS, Array
 from meeframe.laws.base import ConductivityLaw, contact_conductivity
 from meeframe.system.capabilities import diagonal
 
@@ -78,7 +78,7 @@ def resistances(
         if relative_displacement is None
         else np.where(np.isfinite(relative_displacement), relative_displacement, 0.0)
     )
-    gap, drops = np.maximum(relative_displacement[:, 2], 0.0), relative_displacement[:, POTENTIALS].T
+    gap, drops = np.maximum(relative_displacement[:, NORMAL], 0.0), relative_displacement[:, POTENTIALS].T
     columns = [
         _resistance(channel.law, normal_traction, contact_fraction, self_compliance[:, k], gap, drop)
         for k, (channel, drop) in enumerate(zip(problem.channels, drops, strict=True))

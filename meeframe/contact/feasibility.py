@@ -21,7 +21,7 @@ from meeframe.contact.nested import has_nodal_data
 from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, unbalance
 from meeframe.contact.residual import law_violation
 from meeframe.contact.scales import Scales, largest
-from meeframe.fields import MECHANICAL, N_MECHANICAL
+from meeframe.fields import MECHANICAL, N_MECHANICAL, NORMAL
 from meeframe.laws.base import contact_traction, is_adhesive
 
 TOLERANCE: Final = 1e-6
@@ -82,7 +82,7 @@ def beyond_bound(problem: ContactProblem) -> str | None:
     """
     n = len(problem.gap) if has_nodal_data(problem.contact_law, len(problem.gap)) else 1
     trial = np.tile([0.0, 0.0, -MAX_COMPRESSION], (n, 1))
-    bound = -problem.contact_law.project(trial)[:, 2]
+    bound = -problem.contact_law.project(trial)[:, NORMAL]
     if is_adhesive(problem.contact_law) or not bound.max() < MAX_COMPRESSION / 2.0:
         return None
     for k in motions(problem):
@@ -126,7 +126,7 @@ def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales
         return None
     measures = [problem.prescribed_resultants[k].measure[:, MECHANICAL] / scales.totals[k] for k in tangential]
     direction = -np.tensordot(relative[tangential], measures, axes=1)
-    gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
+    gap = contact_gap(problem, state.displacement, state.motion)[:, NORMAL]
     shortfall = deficit - abs(reserve(problem.contact_law, state.load[:, MECHANICAL], gap, direction)) / deficit
     # other resultants may be missed too, in favour of these: they bring friction only by its coefficient
     if not shortfall >= MIN_INFEASIBLE_FRACTION * deficit or not largest(others) <= MIN_INFEASIBLE_FRACTION * shortfall:
@@ -177,8 +177,8 @@ def beyond_conduction(problem: ContactProblem, state: ContactState, scales: Scal
     if not missed:
         return None
     others = largest(np.delete(relative, missed))
-    gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
-    normal_traction = contact_traction(problem.contact_law, state.load[:, 2], gap)
+    gap = contact_gap(problem, state.displacement, state.motion)[:, NORMAL]
+    normal_traction = contact_traction(problem.contact_law, state.load[:, NORMAL], gap)
     resistance = resistances(problem, normal_traction, state.contact_fraction, potential_diagonal(problem))
     for k in missed:
         resultant = problem.prescribed_resultants[k]
@@ -228,9 +228,9 @@ def _missing_force(problem: ContactProblem, scales: Scales) -> float:
 def _presses(problem: ContactProblem) -> bool:
     """Return whether the indenter overlaps the unloaded surface and none of its free motions can change that."""
     can_lift = any(_lifts(problem, k) for k in motions(problem))
-    return not can_lift and bool((problem.system.offset[:, 2] > problem.gap).any())
+    return not can_lift and bool((problem.system.offset[:, NORMAL] > problem.gap).any())
 
 
 def _lifts(problem: ContactProblem, resultant: int) -> bool:
     """Return whether a free motion, given by its number, moves the indenter towards the body or away from it."""
-    return bool(problem.prescribed_resultants[resultant].mode[np.isfinite(problem.gap), 2].any())
+    return bool(problem.prescribed_resultants[resultant].mode[np.isfinite(problem.gap), NORMAL].any())

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from meeframe.contact.problem import ContactProblem, ContactState
-from meeframe.fields import MECHANICAL, Array, Indices
+from meeframe.fields import MECHANICAL, NORMAL, Array, Indices
 from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, traction_tangents
 
 MAX_ITERATIONS: Final = 60
@@ -100,7 +100,7 @@ def maximal_traction(law: ContactLaw, direction: Array, normal: Array) -> Array:
     steepest = MAX_TRACTION_RATIO * np.abs(normal).max(initial=0.0)
     trial = np.empty_like(direction)
     trial[:, :2] = steepest * np.divide(tangential, size, out=np.zeros_like(tangential), where=size > 0.0)
-    trial[:, 2] = normal
+    trial[:, NORMAL] = normal
     return law.project(trial)
 
 
@@ -112,8 +112,8 @@ def reserve(law: ContactLaw, traction: Array, gap: Array, direction: Array) -> f
     """
     pull = attraction(law, gap)
     pressed = traction.copy()
-    pressed[:, 2] -= pull
-    return float((direction * (maximal_traction(law, direction, pressed[:, 2]) - pressed)).sum())
+    pressed[:, NORMAL] -= pull
+    return float((direction * (maximal_traction(law, direction, pressed[:, NORMAL]) - pressed)).sum())
 
 
 def balanced_projection(
@@ -188,7 +188,7 @@ class _Balance:
         modes, measures = np.zeros((2, len(prescribed_resultants), *gap.shape))
         for k, resultant in enumerate(prescribed_resultants):
             modes[k], measures[k] = resultant.mode[:, MECHANICAL], resultant.measure[:, MECHANICAL]
-        modes[:, ~np.isfinite(gap[:, 2])] = 0.0
+        modes[:, ~np.isfinite(gap[:, NORMAL])] = 0.0
         totals = np.array([resultant.total for resultant in prescribed_resultants])
         resistance = np.einsum("kni,kni->k", np.abs(measures), np.abs(modes)) * r[0]
         return cls(problem, traction, gap, r, modes, measures, totals, resistance)
@@ -241,10 +241,10 @@ class _Balance:
         The motion does not change the pressures here. The resultants then lie beyond a plane that the best tractions
         just reach.
         """
-        if self.modes[:, :, 2].any():
+        if self.modes[:, :, NORMAL].any():
             return False
         direction = -np.tensordot(weight**2 * state.unbalance, self.measures, axes=1)
-        unused = reserve(self.problem.contact_law, state.traction, state.gap[:, 2], direction)
+        unused = reserve(self.problem.contact_law, state.traction, state.gap[:, NORMAL], direction)
         return abs(unused) <= MIN_DECREASE * float(((weight * state.unbalance) ** 2).sum())
 
     def _stick(self, state: _MotionState, weight: Array, max_displacement: float) -> _MotionState | None:
@@ -252,10 +252,10 @@ class _Balance:
 
         In slip that is not along the friction, no step along the unbalance helps: friction turns along its limit.
         """
-        pressed = np.asarray(state.traction[:, 2] < 0.0)
+        pressed = np.asarray(state.traction[:, NORMAL] < 0.0)
         traction, by_gap = state.traction.copy(), np.zeros((len(pressed), 3, 3))
         traction[pressed, :2] = state.trial[pressed, :2]
-        by_gap[pressed, 2, 2] = self.r[0]
+        by_gap[pressed, NORMAL, NORMAL] = self.r[0]
         by_gap[pressed, :2, :2] = self.r[1] * self.problem.contact_law.tangential_scaling()
         jacobian = np.einsum("kni,nij,lnj->kl", self.measures, by_gap, self.modes)
         unbalance = (self.measures * traction).sum(axis=(1, 2)) - self.totals
@@ -299,7 +299,7 @@ class _Balance:
 
     def distance_scale(self, state: _MotionState) -> float:
         """Return the largest distance of body and indenter, or motion due to the unbalance in the whole zone [m]."""
-        finite = np.isfinite(state.trial[:, 2])
+        finite = np.isfinite(state.trial[:, NORMAL])
         separation = float(np.abs(state.trial[finite]).max(initial=0.0)) / self.r[0]
         motion = np.divide(
             state.unbalance, self.resistance, out=np.zeros_like(self.resistance), where=self.resistance > 0.0

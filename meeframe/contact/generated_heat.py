@@ -8,14 +8,9 @@ Steady heat conduction is assumed in each increment, so that the power of fricti
 over its duration.
 """
 
-from typing import Final
-
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import ContactProblem
-from meeframe.fields import ELECTRIC, N_MECHANICAL, POTENTIALS, THERMAL_FIELD, Array
-
-TANGENTIAL: Final = slice(0, N_MECHANICAL - 1)
-"""Columns of the slip and the tangential traction."""
+from meeframe.fields import ELECTRIC, N_MECHANICAL, POTENTIALS, TANGENTIAL, THERMAL_FIELD, Array
 
 
 def thermal_channel(problem: ContactProblem) -> int | None:
@@ -39,7 +34,7 @@ def heat_moves_surface(problem: ContactProblem) -> bool:
 
 def heat_factors(problem: ContactProblem) -> dict[int, float]:
     """Return the heat into the body per load times relative displacement, by the column of the field."""
-    factors = dict.fromkeys(range(*TANGENTIAL.indices(N_MECHANICAL)), problem.friction_heat)
+    factors = dict.fromkeys(TANGENTIAL, problem.friction_heat)
     factors[ELECTRIC] = problem.joule_heat
     return {column: factor for column, factor in factors.items() if factor}
 

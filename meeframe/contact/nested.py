@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from meeframe.common.memory import zeros
 from meeframe.contact.conduction import depends_on_gap
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, PrescribedResultant, columns_of
-from meeframe.fields import N_MECHANICAL, POTENTIALS, Array, Indices
+from meeframe.fields import N_MECHANICAL, NORMAL, POTENTIALS, Array, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
 from meeframe.system.capabilities import Coarsening, Multigrid, diagonal
 from meeframe.system.reduced import ReducedSystem
@@ -134,11 +134,11 @@ def prolonged_start(problem: ContactProblem, coarse: Coarse, coarse_state: Conta
     loaded = np.flatnonzero(coarse_state.load.any(axis=0))
     load[:, loaded] = coarse.coarsening.prolong(coarse_state.load[:, loaded])
     above = np.isfinite(problem.gap)
-    pressed = above & (load[:, 2] < 0.0)
+    pressed = above & (load[:, NORMAL] < 0.0)
     for field in loaded:
         bears_open_flux = field >= N_MECHANICAL and depends_on_gap(problem)
         load[:, field] = np.where(above if bears_open_flux else pressed, load[:, field], 0.0)
-    return ContactState(load, problem.system.offset, (load[:, 2] < 0.0).astype(float), coarse_state.motion)
+    return ContactState(load, problem.system.offset, (load[:, NORMAL] < 0.0).astype(float), coarse_state.motion)
 
 
 def with_defect(problem: ContactProblem, displacement: Array, imbalance: Array) -> ContactProblem:
@@ -160,7 +160,7 @@ def with_defect(problem: ContactProblem, displacement: Array, imbalance: Array) 
     return replace(
         problem,
         translation=problem.translation + displacement[:, :2],
-        gap=problem.gap + displacement[:, 2],
+        gap=problem.gap + displacement[:, NORMAL],
         potentials=problem.potentials - displacement[:, POTENTIALS],
         prescribed_resultants=tuple(replace(one, total=one.total + excess) for one, excess in resultants),
     )
@@ -171,9 +171,9 @@ def with_tension(problem: ContactProblem, iterate: Iterate, gap: Array) -> Itera
 
     Where the load of a coarse division is interpolated, its normal part then changes sign at the contact edge.
     """
-    is_open = (iterate.load[:, 2] == 0.0) & (gap > 0.0) & np.isfinite(gap)
+    is_open = (iterate.load[:, NORMAL] == 0.0) & (gap > 0.0) & np.isfinite(gap)
     load = iterate.load.copy(order="K")
-    load[is_open, 2] = gap[is_open] / diagonal(problem.system, (2,))[is_open, 0]
+    load[is_open, NORMAL] = gap[is_open] / diagonal(problem.system, (2,))[is_open, 0]
     return replace(iterate, load=load)
 
 
@@ -181,7 +181,7 @@ def _resolves_indenter(problem: ContactProblem, coarsening: Coarsening) -> bool:
     """Return whether the coarser division resolves the indenter and, unless it moves freely, its overlap."""
     masks = [np.isfinite(problem.gap)]
     if all(resultant.electromagnetic for resultant in problem.prescribed_resultants):
-        masks.append(problem.gap < problem.system.offset[:, 2])
+        masks.append(problem.gap < problem.system.offset[:, NORMAL])
     return all(
         nodes[coarsening.nodes].sum() >= MIN_COARSE_NODES and has_similar_area(problem.system, nodes, coarsening)
         for nodes in masks

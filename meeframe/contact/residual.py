@@ -11,7 +11,7 @@ from meeframe.contact.generated_heat import conducted_flux
 from meeframe.contact.nested import has_nodal_data, is_uniform
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
 from meeframe.contact.scales import Scales, largest, largest_potentials, problem_scales
-from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
+from meeframe.fields import MECHANICAL, N_MECHANICAL, NORMAL, POTENTIALS, Array
 from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction, fixed_point_map, has_resolvent, resolve
 from meeframe.system.capabilities import apply_load
 
@@ -166,7 +166,7 @@ def _contact_violation(problem: ContactProblem, state: ContactState, scales: Sca
         if jumps:
             violation = np.fmin(violation, _biactive_violation(law, traction, gap, trial, r, scales.pressure))
         worst.append(largest(violation) / scales.pressure)
-        worst.append(largest(contact_fraction - switch(contact_fraction, trial[:, 2], scales.pressure)))
+        worst.append(largest(contact_fraction - switch(contact_fraction, trial[:, NORMAL], scales.pressure)))
     return float(np.max(worst))
 
 
@@ -192,14 +192,14 @@ def _biactive_violation(law: ContactLaw, traction: Array, gap: Array, trial: Arr
     trial: (n, 3), augmented tractions; r: their step length; pressure: characteristic one [Pa].
     """
     touching = trial.copy()
-    touching[:, 2] = -NEGLIGIBLE_PRESSURE * pressure
+    touching[:, NORMAL] = -NEGLIGIBLE_PRESSURE * pressure
     friction = resolve(law, touching, gap, (r, r))[:, :2]
     square = (friction**2).sum(axis=1)
     along = (traction[:, :2] * friction).sum(axis=1)
     fraction = np.clip(np.divide(along, square, out=np.zeros_like(square), where=square > 0.0), 0.0, 1.0)
     missed = np.abs(traction[:, :2] - fraction[:, None] * friction).max(axis=1)
-    normal = np.abs(contact_traction(law, traction[:, 2], gap[:, 2]))
-    return np.asarray(np.max([missed, normal, r * np.abs(gap[:, 2])], axis=0))
+    normal = np.abs(contact_traction(law, traction[:, NORMAL], gap[:, NORMAL]))
+    return np.asarray(np.max([missed, normal, r * np.abs(gap[:, NORMAL])], axis=0))
 
 
 def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> list[float]:
@@ -215,7 +215,7 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
         return [largest(flux) * c / scale for flux, c, scale in insulated]
     relative_displacement = indenter_position(problem, state.motion)
     relative_displacement -= state.displacement
-    normal_traction = contact_traction(problem.contact_law, state.load[:, 2], relative_displacement[:, 2])
+    normal_traction = contact_traction(problem.contact_law, state.load[:, NORMAL], relative_displacement[:, NORMAL])
     self_compliance = potential_diagonal(problem)
     flux = conducted_flux(problem, state.load, relative_displacement)
     unloaded_position = unloaded(relative_displacement, flux, self_compliance) if depends_on_gap(problem) else None

@@ -11,7 +11,7 @@ from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.generated_heat import thermal_channel
 from meeframe.contact.nested import Coarse, coarse_problem, has_similar_area, is_similar, is_uniform
 from meeframe.contact.problem import ContactProblem, PrescribedResultant, indenter_field, indenter_position
-from meeframe.fields import ELECTRIC, MECHANICAL, N_MECHANICAL, POTENTIALS, Array
+from meeframe.fields import ELECTRIC, MECHANICAL, N_MECHANICAL, NORMAL, POTENTIALS, Array
 from meeframe.laws.base import attraction, resolve
 from meeframe.system.capabilities import Multigrid, apply_load
 from meeframe.system.reduced import ReducedSystem
@@ -61,7 +61,7 @@ class Scales:
     @property
     def normal_compliance(self) -> float:
         """Normal displacement under uniform unit pressure [m/Pa], a bound of the largest eigenvalue."""
-        return float(self.compliance[2, 2])
+        return float(self.compliance[NORMAL, NORMAL])
 
     @property
     def pressure(self) -> float:
@@ -112,12 +112,12 @@ def problem_scales(problem: ContactProblem) -> Scales:
     """
     motion, offset = _foundation_motion(problem), problem.system.offset
     above = indenter_field(problem, 2, motion)
-    overlap = offset[:, 2] - above
+    overlap = offset[:, NORMAL] - above
     loaded = _overlapping_nodes(overlap)
     below = loaded & np.isfinite(problem.gap)
     depth = max(_overlap_depth(overlap), MIN_DEPTH_RATIO * largest(above[below] - problem.gap[below]))
     compliance = _uniform_response(problem.system, loaded)
-    pressure = _pressure(problem, overlap, depth, compliance[2, 2])
+    pressure = _pressure(problem, overlap, depth, compliance[NORMAL, NORMAL])
     prescribed_flux = _prescribed_flux(problem, loaded)
     fields, self_compliance = range(problem.fields.size)[POTENTIALS], np.diag(compliance)[POTENTIALS]
     drop = np.array([largest(offset[:, field] - indenter_field(problem, field, motion)) for field in fields])
@@ -128,8 +128,8 @@ def problem_scales(problem: ContactProblem) -> Scales:
     is_conducting = np.array([channel.is_conducting for channel in problem.channels]) | (generated > 0.0)
     share = _transmitted(problem, pressure, potential, self_compliance)
     flux = np.where(is_conducting, np.maximum(prescribed_flux, share * drop / self_compliance), 0.0)
-    pressure = float(np.max([pressure, *(compliance[2, POTENTIALS] * flux / compliance[2, 2])]))
-    induced = compliance[POTENTIALS, 2] * pressure
+    pressure = float(np.max([pressure, *(compliance[NORMAL, POTENTIALS] * flux / compliance[NORMAL, NORMAL])]))
+    induced = compliance[POTENTIALS, NORMAL] * pressure
     load = np.array([*(pressure,) * N_MECHANICAL, *np.maximum(flux, induced / self_compliance)])
     displacement = np.maximum([largest(column) for column in offset.T], compliance @ load)
     tangential_motion = [largest(indenter_field(problem, axis, motion)) for axis in range(2)]
@@ -203,7 +203,7 @@ def _foundation_motion(problem: ContactProblem) -> Array:
     for _ in range(MAX_FOUNDATION_STEPS):
         system, nodes = coarse_representative(problem.system, loaded)
         load = np.zeros_like(system.offset)
-        load[nodes, 2] = 1.0
+        load[nodes, NORMAL] = 1.0
         r = 1.0 / float(np.abs(apply_load(system, load, (2,))).max())
         gap = (indenter_position(problem, motion) - problem.system.offset)[:, MECHANICAL]
         motion[numbers] += balanced_projection(problem, np.zeros_like(gap), gap, (r, r)).motion
@@ -225,7 +225,7 @@ def _overlap(problem: ContactProblem, motion: Array) -> Array:
 
     It is -inf where there is no indenter above.
     """
-    overlap: Array = problem.system.offset[:, 2] - indenter_field(problem, 2, motion)
+    overlap: Array = problem.system.offset[:, NORMAL] - indenter_field(problem, 2, motion)
     return overlap
 
 
@@ -302,7 +302,7 @@ def _pressure(problem: ContactProblem, overlap: Array, depth: float, compliance:
     count = 1 if is_uniform(law, len(overlap)) else len(overlap)
     gap = np.tile([0.0, 0.0, -depth], (count, 1))
     traction = resolve(law, gap / compliance, gap, (1.0 / compliance, 1.0 / compliance))
-    return max(float(-traction[:, 2].min(initial=0.0)), attractive_pressure) or depth / compliance
+    return max(float(-traction[:, NORMAL].min(initial=0.0)), attractive_pressure) or depth / compliance
 
 
 def _overlap_depth(overlap: Array) -> float:

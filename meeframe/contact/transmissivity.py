@@ -13,7 +13,7 @@ import numpy as np
 from meeframe.contact.conduction import depends_on_gap, resistances, unloaded
 from meeframe.contact.problem import ContactProblem
 from meeframe.contact.scales import Scales
-from meeframe.fields import POTENTIALS, Array
+from meeframe.fields import NORMAL, POTENTIALS, Array
 from meeframe.laws.base import contact_conductivity
 
 DIFFERENCE_WIDTH: Final = 6e-6
@@ -84,7 +84,7 @@ class Transmissivity:
         if depends_on_gap(self.problem) or self.problem.area_fraction is not None:
             return None
         zero = np.zeros((len(self.self_compliance), self.problem.fields.size))
-        return self(zero[:, 2], zero, 0.0)
+        return self(zero[:, NORMAL], zero, 0.0)
 
     def slope(self, normal_traction: Array, projected: Array, relative_displacement: Array) -> Array:
         """Return dT/dp_nu of closed contacts, (n, channels) [1/Pa], by central differences of the conductivity.

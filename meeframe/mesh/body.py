@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import MEE, Array, FieldSet
+from meeframe.fields import MEE, Array, FieldScaling, FieldSet
 from meeframe.material.layers import LayerStack
 from meeframe.material.material import Material
 from meeframe.mesh.surface import SurfaceMesh
@@ -65,6 +65,11 @@ class Body:
     fields: FieldSet = MEE
     layers: LayerStack = field(default_factory=LayerStack)
     thermal_moduli: Array | None = None
+
+    @property
+    def scaled_stiffness(self) -> Array:
+        """Stiffness with fields in units in which their entries have similar magnitudes."""
+        return FieldScaling.of(self.stiffness).scale_stiffness(self.stiffness)
 
     @classmethod
     def of(

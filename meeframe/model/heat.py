@@ -1,19 +1,15 @@
 """Checks of heat in a case: heat of friction and currents, and levels that heat flow leaves undetermined."""
 
 from collections.abc import Collection, Iterator, Sequence
-from typing import Final
 
 import numpy as np
 
 from meeframe.common.errors import CaseError
 from meeframe.contact.channels import FluxChannel
-from meeframe.fields import ELECTRIC, ELECTRIC_FIELD, N_MECHANICAL, THERMAL_FIELD, Array, FieldSet
+from meeframe.fields import ELECTRIC, ELECTRIC_FIELD, N_MECHANICAL, NORMAL, THERMAL_FIELD, Array, FieldSet
 from meeframe.mesh.body import Body
 from meeframe.model.step import Step
 from meeframe.plugin.validation import Problem, TableError
-
-NORMAL: Final = 2
-"""Column of the normal displacement in local frames."""
 
 
 def check_friction_heat(friction_heat: float, fields: FieldSet, two_bodies: bool) -> None:

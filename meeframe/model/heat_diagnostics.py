@@ -7,9 +7,8 @@ import numpy as np
 
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.contact.conduction import MIN_TRACTION, depends_on_gap, is_partial
-from meeframe.contact.generated_heat import TANGENTIAL
 from meeframe.contact.problem import AT_REST, ContactProblem, indenter_position
-from meeframe.fields import MECHANICAL, N_FIELDS, N_MECHANICAL, THERMAL_FIELD, Array
+from meeframe.fields import MECHANICAL, N_FIELDS, N_MECHANICAL, NORMAL, TANGENTIAL, THERMAL_FIELD, Array
 from meeframe.laws.base import contact_conductivity, is_adhesive
 from meeframe.material.half_space import MEAN_DIRECTIONS, mean_compliance, surface_directions
 from meeframe.material.surface_symbol import SurfaceSymbol
@@ -19,8 +18,6 @@ from meeframe.mesh.body import Body
 from meeframe.model.kinematics import Increment
 from meeframe.results.records import StepResult
 
-NORMAL: Final = 2
-"""Column of the normal displacement in local frames."""
 CRITICAL: Final = 0.6385675210
 """Critical lambda of axisymmetric frictional heat, at which the contact radius has its upper limit.
 

@@ -12,7 +12,7 @@ from meeframe.formulations.base import Formulation, check_body
 from meeframe.formulations.dense_bem import DenseBEM
 from meeframe.material import Material
 from meeframe.material.layers import LayerStack
-from meeframe.mesh import check_contact_zone, find_contact_zone
+from meeframe.mesh import ContactZone, check_contact_zone, find_contact_zone
 from meeframe.mesh.body import Body, BoundaryCondition
 from meeframe.mesh.mortar import check_facing
 from meeframe.mesh.surface import SurfaceMesh
@@ -57,17 +57,26 @@ def check_fields(second_body: SecondBody | None, fields: FieldSet) -> None:
         raise CaseError(f"the second body has the scalar fields {theirs}, the first {ours}; allowed: the same fields")
 
 
+def _zones_without_match(
+    second_body: SecondBody | None, mesh: SurfaceMesh, zone: str
+) -> tuple[ContactZone, ContactZone] | None:
+    """Return the contact zones of both bodies if their nodes do not coincide; None if they do or there is one body."""
+    if second_body is None:
+        return None
+    zones = find_contact_zone(mesh, zone), find_contact_zone(second_body.mesh, second_body.zone)
+    return zones if match_nodes(*zones) is None else None
+
+
 def check_match(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) -> None:
     """Raise MeshError unless the contact zone of the second body, if there is one, fits that of the first.
 
     The nodes of both coincide, or `meeframe.system.transfer` can transfer between them: not on a periodic surface, and
     not with edges between nodes, which are those of one of the divisions.
     """
-    if second_body is None:
+    zones = _zones_without_match(second_body, mesh, zone)
+    if second_body is None or zones is None:
         return
-    first, second = find_contact_zone(mesh, zone), find_contact_zone(second_body.mesh, second_body.zone)
-    if match_nodes(first, second) is not None:
-        return
+    first, second = zones
     for name, applies in (
         ("a periodic surface", second_body.formulation.is_periodic()),
         ("edges resolved between the nodes", second_body.formulation.resolves_edges()),
@@ -83,11 +92,10 @@ def check_match(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) ->
 
 def coarse_zone(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) -> Iterator[str]:
     """Yield a warning if the nodes of the second body's zone, other than those of the first, are farther apart."""
-    if second_body is None:
+    zones = _zones_without_match(second_body, mesh, zone)
+    if zones is None:
         return
-    first, second = find_contact_zone(mesh, zone), find_contact_zone(second_body.mesh, second_body.zone)
-    if match_nodes(first, second) is not None:
-        return
+    first, second = zones
     spacing, other = (float(np.sqrt(one.weights.sum() / len(one.points))) for one in (first, second))
     if other > MAX_SPACING_RATIO * spacing:
         yield (

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from meeframe.common.files import check_file as check_file
     from meeframe.common.files import read_npy as read_npy
     from meeframe.common.hdf5 import open_hdf5 as open_hdf5
+    from meeframe.common.memory import physical_memory as physical_memory
     from meeframe.contact.channels import FluxChannel as FluxChannel
     from meeframe.contact.conduction import Switches as Switches
     from meeframe.contact.conduction import potential_diagonal as potential_diagonal
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from meeframe.fields import MECHANICAL as MECHANICAL
     from meeframe.fields import N_FIELDS as N_FIELDS
     from meeframe.fields import N_MECHANICAL as N_MECHANICAL
+    from meeframe.fields import NORMAL as NORMAL
     from meeframe.fields import POTENTIALS as POTENTIALS
     from meeframe.fields import THERMAL_FIELD as THERMAL_FIELD
     from meeframe.fields import Array as Array
@@ -140,6 +142,7 @@ _HOMES = {
     "MECHANICAL": "meeframe.fields",
     "N_FIELDS": "meeframe.fields",
     "N_MECHANICAL": "meeframe.fields",
+    "NORMAL": "meeframe.fields",
     "POTENTIALS": "meeframe.fields",
     "THERMAL_FIELD": "meeframe.fields",
     "Quantity": "meeframe.fields.units",
@@ -238,6 +241,7 @@ _HOMES = {
     # Files
     "check_file": "meeframe.common.files",
     "open_hdf5": "meeframe.common.hdf5",
+    "physical_memory": "meeframe.common.memory",
     "read_npy": "meeframe.common.files",
     # Compiled code and threads
     "ONE_BLAS_THREAD": "meeframe.common.blas",

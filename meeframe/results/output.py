@@ -73,9 +73,7 @@ def locked(folder: Path) -> Iterator[None]:
     """
     absent: list[Path] = []
     try:
-        if folder.is_file():
-            raise NotADirectoryError("it is a file")
-        absent = [path for path in (folder, *folder.parents) if not path.exists()]
+        absent = _absent_folders(folder)
         file = _lock(folder)
     except OSError as error:
         _remove_empty(absent)
@@ -87,6 +85,13 @@ def locked(folder: Path) -> Iterator[None]:
             (folder / LOCK_FILE).unlink()  # before the lock is released: nobody else holds this file
         os.close(file)
         _remove_empty(absent)
+
+
+def _absent_folders(folder: Path) -> list[Path]:
+    """Return a folder and its parents as far as they do not exist; raise NotADirectoryError if it is a file."""
+    if folder.is_file():
+        raise NotADirectoryError("it is a file")
+    return [path for path in (folder, *folder.parents) if not path.exists()]
 
 
 def _lock(folder: Path) -> int:
@@ -134,9 +139,7 @@ def check_output(folder: Path, overwrite: bool) -> None:
     """
     absent: list[Path] = []
     try:
-        if folder.is_file():
-            raise NotADirectoryError("it is a file")
-        absent = [path for path in (folder, *folder.parents) if not path.exists()]
+        absent = _absent_folders(folder)
         folder.mkdir(parents=True, exist_ok=True)
         occupied = sorted(entry.name for entry in folder.iterdir() if entry.name != LOCK_FILE)
         with tempfile.TemporaryFile(dir=folder):

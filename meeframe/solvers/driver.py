@@ -13,6 +13,7 @@ from meeframe.contact.conduction import MIN_PRESSURE, MIN_TRACTION, is_partial
 from meeframe.contact.free_motion import start_below_indenter
 from meeframe.contact.generated_heat import heat_moves_surface
 from meeframe.contact.problem import ContactProblem, ContactSolution, ContactState, Solver, Status
+from meeframe.fields import NORMAL
 from meeframe.laws.base import contact_conductivity
 from meeframe.solvers.stopping import ConvergenceMonitor, StoppingCriteria
 from meeframe.system.capabilities import EdgeResolution, IndenterEdge
@@ -114,7 +115,7 @@ def resolve_edges(
     resolution = problem.system.capability(EdgeResolution)
     if resolution is None:
         return None
-    pressure = np.maximum(-state.load[:, 2], 0.0)
+    pressure = np.maximum(-state.load[:, NORMAL], 0.0)
     # round-off at biactive nodes would move the edge
     pressure[is_partial(state.contact_fraction) | (pressure < MIN_PRESSURE * pressure.max(initial=0.0))] = 0.0
     smooth, edge = resolution.edge_correction(pressure), indenter_edge()

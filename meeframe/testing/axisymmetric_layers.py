@@ -14,11 +14,10 @@ from typing import Final
 import numpy as np
 import scipy  # submodules are loaded on first use
 
-from meeframe.fields import MECHANICAL, Array
+from meeframe.fields import MECHANICAL, NORMAL, Array
 from meeframe.material.layers import LayerStack
 from meeframe.material.surface_symbol import SurfaceSymbol
 
-NORMAL: Final = 2
 _GAUSS: Final = 20
 _MAX_PHASE: Final = 8.0
 _INTERPOLATED: Final = 24

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from meeframe.fields import MECHANICAL, N_MECHANICAL, Array, Indices
+from meeframe.fields import MECHANICAL, N_MECHANICAL, TANGENTIAL, Array, Indices
 from meeframe.material.half_space import surface_compliance
 from meeframe.mesh.regular import global_components
 from meeframe.system.capabilities import (
@@ -26,7 +26,6 @@ from meeframe.system.capabilities import (
     apply_fields,
 )
 from meeframe.system.reduced import ReducedSystem
-from meeframe.system.rolling import TANGENTIAL
 from meeframe.testing.requirements import require
 from meeframe.testing.zone_loads import ROUND_OFF, smooth_loads, typical_load, worst
 

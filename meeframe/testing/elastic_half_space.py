@@ -12,7 +12,7 @@ Point solutions: Johnson, Contact Mechanics (1985), eqs. (3.18) and (3.75), whos
 import numpy as np
 
 from meeframe.common.errors import MeeframeError
-from meeframe.fields import Array
+from meeframe.fields import ELECTRIC, MAGNETIC, Array
 from meeframe.material.material import VACUUM_PERMEABILITY, VACUUM_PERMITTIVITY
 from meeframe.system.dense import DenseSystem
 from meeframe.testing.cells import cell_system
@@ -92,8 +92,8 @@ def cell_response(young: float, poisson: float, x: Array, y: Array, half: float)
         response[..., axis, 2] = (0.5 - poisson) * odd
         response[..., 2, axis] = -(0.5 - poisson) * odd
     response /= 2.0 * np.pi * shear
-    response[..., 3, 3] = inverse / (2.0 * np.pi * VACUUM_PERMITTIVITY)
-    response[..., 4, 4] = inverse / (2.0 * np.pi * VACUUM_PERMEABILITY)
+    response[..., ELECTRIC, ELECTRIC] = inverse / (2.0 * np.pi * VACUUM_PERMITTIVITY)
+    response[..., MAGNETIC, MAGNETIC] = inverse / (2.0 * np.pi * VACUUM_PERMEABILITY)
     return response
 
 

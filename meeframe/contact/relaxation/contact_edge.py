@@ -12,7 +12,7 @@ from meeframe.contact._kernels.relaxation import sweep_nodes
 from meeframe.contact.conduction import depends_on_gap
 from meeframe.contact.generated_heat import heat_moves_surface, thermal_channel
 from meeframe.contact.relaxation.lattice import Band, Start
-from meeframe.fields import MECHANICAL, Array
+from meeframe.fields import MECHANICAL, NORMAL, Array
 from meeframe.laws.base import contact_conductivity, is_pure_projection
 
 WIDTH: Final = 3
@@ -44,7 +44,7 @@ def relax_contact_edge(start: Start) -> tuple[Array, Array] | None:
     # the heat of a closed node may keep it closed: sweeps would choose among many solutions
     if depends_on_more or heat_moves_surface(problem) or not _jumps(start):
         return None
-    band = Band.around(start, start.load[:, 2] < 0.0, WIDTH)
+    band = Band.around(start, start.load[:, NORMAL] < 0.0, WIDTH)
     if band is None:
         return None
     nodes, stencil = band.nodes, band.stencil
@@ -55,7 +55,7 @@ def relax_contact_edge(start: Start) -> tuple[Array, Array] | None:
     state = values, relative_displacement, contact_fraction
     sweep_nodes(*lattice, closed, open_, slips, *state, SWEEPS, WORK_TOLERANCE)
     # nodes that are newly pressed slip in the direction of their trial traction
-    newly_pressed = start.load[nodes, 2] > MAX_PRESSURE_RATIO * values[:, 2]
+    newly_pressed = start.load[nodes, NORMAL] > MAX_PRESSURE_RATIO * values[:, NORMAL]
     values[newly_pressed, :2] = start.trial[nodes[newly_pressed], :2]
     values[:, MECHANICAL] = law.project(values[:, MECHANICAL])
     relaxed, fractions = start.load.copy(order="K"), start.contact_fraction.copy()
@@ -68,7 +68,7 @@ def _jumps(start: Start) -> bool:
 
     Where the conductivity grows from zero with the pressure, it does not matter which of two neighbours is pressed.
     """
-    largest = start.load[:, 2].min(initial=0.0)
+    largest = start.load[:, NORMAL].min(initial=0.0)
     pressures = largest * np.array([MIN_PRESSURE_RATIO, 1.0])
     for channel in start.problem.channels:
         if channel.is_conducting:

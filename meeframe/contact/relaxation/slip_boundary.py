@@ -11,7 +11,7 @@ import numpy as np
 
 from meeframe.contact._kernels.relaxation import tangential_response
 from meeframe.contact.relaxation.lattice import Band, Start
-from meeframe.fields import MECHANICAL, Array
+from meeframe.fields import MECHANICAL, NORMAL, Array
 from meeframe.laws.base import is_pure_projection
 
 WIDTH: Final = 4
@@ -34,7 +34,7 @@ def relax_slip_boundary(start: Start, load: Array) -> Array | None:
     law = start.problem.contact_law
     if not is_pure_projection(law) or not load[:, :2].any():
         return None
-    band = Band.around(start, (load[:, 2] < 0.0) & ~start.slips, WIDTH)
+    band = Band.around(start, (load[:, NORMAL] < 0.0) & ~start.slips, WIDTH)
     if band is None:
         return None
     lattice = band.number, band.positions, band.stencil.periodic

@@ -10,7 +10,7 @@ from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.common.memory import physical_memory
 from meeframe.elements.anisotropy import anisotropy
-from meeframe.fields import THERMAL_FIELD, Array, FieldScaling
+from meeframe.fields import THERMAL_FIELD, Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.formulations.base import Formulation
 from meeframe.formulations.dense_bem._kernels.assembly import Accuracy
@@ -88,7 +88,7 @@ class DenseBEM(Formulation):
             with located_below(number):
                 self._layout(region)
             check_material(self.fundamental_solution, region.body)
-            anisotropy(_scaled_stiffness(region.body))
+            anisotropy(region.body.scaled_stiffness)
 
     def supports_layers(self) -> bool:
         """Return True: each layer is a region with its own closed surface."""
@@ -170,7 +170,7 @@ class DenseBEM(Formulation):
         self, region: Region, layout: Layout, units: Units, foundation: Foundation | None, progress: Progress
     ) -> BoundarySolution:
         body = region.body
-        accuracy = Accuracy(self.quadrature_tolerance, anisotropy(_scaled_stiffness(body)))
+        accuracy = Accuracy(self.quadrature_tolerance, anisotropy(body.scaled_stiffness))
         progress("assembly", 0.0)
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
         system = assemble(
@@ -187,7 +187,7 @@ class DenseBEM(Formulation):
     ) -> InteriorFields:
         representations = tuple(
             InteriorRepresentation.of(
-                self.fundamental_solution, region.body, solved.units, anisotropy(_scaled_stiffness(region.body))
+                self.fundamental_solution, region.body, solved.units, anisotropy(region.body.scaled_stiffness)
             )
             for region, solved in zip(divide(body), solution.regions, strict=True)
         )
@@ -202,10 +202,6 @@ class DenseBEM(Formulation):
         if THERMAL_FIELD in body.fields.scalars:
             layout = number_first(layout, body.fields.index(THERMAL_FIELD.name))
         return layout, units
-
-
-def _scaled_stiffness(body: Body) -> Array:
-    return FieldScaling.of(body.stiffness).scale_stiffness(body.stiffness)
 
 
 def _share_of_progress(progress: Progress, number: int, count: int) -> Progress:

@@ -18,9 +18,8 @@ import numpy as np
 from meeframe.common.errors import CaseError
 from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.problem import ContactProblem
-from meeframe.fields import Array, Indices
+from meeframe.fields import NORMAL, Array, Indices
 
-NORMAL: Final = 2
 MAX_ROUNDS: Final = 30
 """Largest number of rounds in the search for the nodes that overlap when the indenter is at rest."""
 MAX_CONDITION_NUMBER: Final = 1e12

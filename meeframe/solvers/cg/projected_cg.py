@@ -15,9 +15,9 @@ from meeframe.contact.free_motion import start_load, start_motion
 from meeframe.contact.nested import nested_start, on_sample, with_tension
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver
 from meeframe.contact.scales import Scales, problem_scales
-from meeframe.fields import Array, Indices
+from meeframe.fields import NORMAL, Array, Indices
 from meeframe.laws.base import ContactLaw, is_pure_projection
-from meeframe.solvers.cg.normal_modes import NORMAL, NormalModes
+from meeframe.solvers.cg.normal_modes import NormalModes
 from meeframe.system.capabilities import ApproximateInverse, Prolongation, apply_fields
 
 MAX_STEPS_BETWEEN_RENEWALS: Final = 50

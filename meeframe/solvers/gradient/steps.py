@@ -9,7 +9,7 @@ from meeframe.contact.conduction import Mask, Switches, depends_on_gap, resistan
 from meeframe.contact.free_motion import balanced_projection, motions
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, contact_gap, indenter_position
 from meeframe.contact.scales import Scales, problem_scales
-from meeframe.fields import MECHANICAL, POTENTIALS, Array
+from meeframe.fields import MECHANICAL, NORMAL, POTENTIALS, Array
 from meeframe.laws.base import attraction, contact_traction, is_adhesive
 from meeframe.solvers.conduction.elimination import Conductors, Elimination
 
@@ -148,12 +148,12 @@ class GradientStepper:
         self, iterate: Iterate, conduction: "Conduction", previous: Conductors | None
     ) -> tuple["Conduction", Conductors]:
         """Return the conduction at the gap and the drop of an iterate, and the conductors."""
-        problem, normal_traction, relative_displacement = self.problem, iterate.load[:, 2], None
+        problem, normal_traction, relative_displacement = self.problem, iterate.load[:, NORMAL], None
         self_compliance = self.elimination.self_compliance
         if depends_on_gap(problem) or is_adhesive(problem.contact_law):
             displacement = problem.system.offset + problem.system.apply(iterate.load)
             relative_displacement = indenter_position(problem, iterate.motion) - displacement
-            normal_traction = contact_traction(problem.contact_law, normal_traction, relative_displacement[:, 2])
+            normal_traction = contact_traction(problem.contact_law, normal_traction, relative_displacement[:, NORMAL])
             relative_displacement = unloaded(relative_displacement, iterate.load[:, POTENTIALS], self_compliance)
         resistance = resistances(
             problem, normal_traction, conduction.contact_fraction, self_compliance, relative_displacement
@@ -166,8 +166,8 @@ class GradientStepper:
 
     def touching(self, traction: Array, gap: Array) -> Mask:
         """Return the nodes (n,) that bear tractions (n, 3), overlap at the gap (n, 3) or attract across it."""
-        attracted = attraction(self.problem.contact_law, gap[:, 2]) > 0.0
-        return np.asarray((traction[:, 2] < 0.0) | (gap[:, 2] < 0.0) | attracted)
+        attracted = attraction(self.problem.contact_law, gap[:, NORMAL]) > 0.0
+        return np.asarray((traction[:, NORMAL] < 0.0) | (gap[:, NORMAL] < 0.0) | attracted)
 
     def take_step(
         self, traction: Array, base: Array, slope: Slope, r: tuple[float, float], conduction: "Conduction"
@@ -176,9 +176,9 @@ class GradientStepper:
 
         The step r, as in `project`, begins at a base (n, 3) with its slope.
         """
-        step, law, gap = self.project(base, slope, r), self.problem.contact_law, slope.gap[:, 2]
-        earlier, later = (contact_traction(law, values[:, 2], gap) for values in (traction, step.traction))
-        conduction = conduction.next(earlier, later, step.trial[:, 2], self.scales)
+        step, law, gap = self.project(base, slope, r), self.problem.contact_law, slope.gap[:, NORMAL]
+        earlier, later = (contact_traction(law, values[:, NORMAL], gap) for values in (traction, step.traction))
+        conduction = conduction.next(earlier, later, step.trial[:, NORMAL], self.scales)
         load = np.concatenate([step.traction, slope.flux], axis=1)
         return Iterate(load, conduction.contact_fraction, None, step.slope.motion), conduction
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,6 @@ from meeframe.solvers.krylov import Linear
 from meeframe.solvers.newton.residual import FRACTION, ContactResidual, Linearization
 from meeframe.system.capabilities import apply_fields, apply_load
 from meeframe.system.node_blocks import NodeBlocks, NodeProducts
-
-TANGENTIAL: Final = (0, 1)
-"""Tangential components of the load."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from meeframe.contact.nested import Coarse, coarse_problem, prolonged_start, wit
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, Solver, contact_gap, unbalance
 from meeframe.contact.residual import evaluate
 from meeframe.contact.scales import problem_scales
-from meeframe.fields import MECHANICAL, Array
+from meeframe.fields import MECHANICAL, NORMAL, Array
 from meeframe.laws.base import is_adhesive
 from meeframe.solvers.gradient.accelerated import BarzilaiBorwein
 from meeframe.solvers.newton.linear import newton_step
@@ -182,7 +182,7 @@ def _restrict(problem: ContactProblem, memory: _Memory) -> _Memory:
         return _on_zone(problem, memory, neighbourhood) if state.law_residual <= memory.sufficient_residual else memory
     if not memory.restrictions or not state.merit < RESTRICTION_MERIT:
         return memory
-    neighbourhood = contact_neighbourhood(problem, state.load.any(axis=1) | (state.trial[:, 2] < 0.0))
+    neighbourhood = contact_neighbourhood(problem, state.load.any(axis=1) | (state.trial[:, NORMAL] < 0.0))
     if neighbourhood is None:
         return memory
     nodes = neighbourhood.nodes
@@ -230,7 +230,7 @@ def _coarse_solution(fine_problem: ContactProblem) -> tuple[Coarse, Iterate] | N
     if conducting(problem):  # where potentials attract the surfaces, the start decides on nodes at the contact edge
         return coarse, iterate
     memory = iterate.memory_as(_Memory)
-    gap = memory.state.relative_displacement[:, 2]
+    gap = memory.state.relative_displacement[:, NORMAL]
     gap = gap if memory.neighbourhood is None else memory.neighbourhood.scatter(gap)
     return coarse, with_tension(problem, iterate, gap)
 

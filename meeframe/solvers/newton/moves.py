@@ -11,7 +11,7 @@ from meeframe.contact.conduction import is_partial
 from meeframe.contact.nested import Coarse, with_defect
 from meeframe.contact.problem import ContactProblem, contact_gap, unbalance
 from meeframe.contact.relaxation import Start, relax, relax_contact_edge
-from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
+from meeframe.fields import MECHANICAL, NORMAL, POTENTIALS, Array, Indices
 from meeframe.laws.base import attraction, is_adhesive
 from meeframe.solvers.newton.linear import Step, newton_step
 from meeframe.solvers.newton.residual import FRACTION, ContactResidual, ResidualState
@@ -45,7 +45,7 @@ def take_step(state: ResidualState, flips: Array, step: Step, fraction: float) -
     load = stack_columns((before + fraction * change for before, change in changes), state.load.shape)
     load[:, MECHANICAL] = _admissible(equation.problem, load, motion)
     # round-off of tractions, fluxes and fractions that the step removed
-    load[np.abs(load[:, 2]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0
+    load[np.abs(load[:, NORMAL]) < ROUND_OFF * equation.scales.pressure, MECHANICAL] = 0.0
     load[:, POTENTIALS][np.abs(load[:, POTENTIALS]) < ROUND_OFF * np.abs(state.load[:, POTENTIALS])] = 0.0
     contact_fraction = state.contact_fraction + fraction * step.local[:, FRACTION]
     contact_fraction[np.abs(contact_fraction) < ROUND_OFF] = 0.0
@@ -54,7 +54,7 @@ def take_step(state: ResidualState, flips: Array, step: Step, fraction: float) -
     becomes_biactive = (flips > MAX_FLIPS) & ~candidate.biactive
     if becomes_biactive.any():
         contact_fraction, increment = candidate.contact_fraction.copy(), candidate.closing_increment
-        normal_trial = candidate.trial[:, 2]
+        normal_trial = candidate.trial[:, NORMAL]
         near = np.flatnonzero(becomes_biactive & (np.abs(normal_trial) < increment))
         contact_fraction[near] = np.clip(state.contact_fraction[near] - normal_trial[near] / increment[near], 0.0, 1.0)
         candidate = candidate.with_contact_fraction(contact_fraction, candidate.biactive | becomes_biactive)
@@ -67,10 +67,10 @@ def _admissible(problem: ContactProblem, load: Array, motion: Array) -> Array:
     attractive = np.zeros(len(load))
     if is_adhesive(law):
         displacement = problem.system.offset + problem.system.apply(load)
-        attractive = attraction(law, contact_gap(problem, displacement, motion)[:, 2])
-    traction[:, 2] -= attractive
+        attractive = attraction(law, contact_gap(problem, displacement, motion)[:, NORMAL])
+    traction[:, NORMAL] -= attractive
     traction = law.project(traction)
-    traction[:, 2] += attractive
+    traction[:, NORMAL] += attractive
     return traction
 
 

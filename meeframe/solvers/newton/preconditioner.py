@@ -15,10 +15,9 @@ import scipy  # submodules are loaded on first use
 
 from meeframe.common.sparse import sparse_inverse
 from meeframe.contact.conduction import Mask
-from meeframe.fields import N_MECHANICAL, Array, Indices
-from meeframe.solvers.cg.normal_modes import NORMAL
+from meeframe.fields import N_MECHANICAL, NORMAL, TANGENTIAL, Array, Indices
 from meeframe.solvers.krylov import Linear
-from meeframe.solvers.newton.jacobian import TANGENTIAL, ReducedJacobian
+from meeframe.solvers.newton.jacobian import ReducedJacobian
 from meeframe.system.capabilities import MaterialFlow
 from meeframe.system.node_blocks import NodeBlocks, NodeProducts
 

@@ -38,7 +38,7 @@ from meeframe.contact.residual import node_blocks
 from meeframe.contact.scales import Scales, largest, largest_potentials, motion_scales, problem_scales
 from meeframe.contact.transmissivity import Transmissivity
 from meeframe.contact.undone_slip import undone_slip
-from meeframe.fields import MECHANICAL, N_MECHANICAL, POTENTIALS, Array
+from meeframe.fields import MECHANICAL, N_MECHANICAL, NORMAL, POTENTIALS, Array
 from meeframe.laws.base import (
     attraction_slope,
     augmented_traction,
@@ -212,8 +212,8 @@ class ContactResidual:
         law = self.problem.contact_law
         gap = relative_displacement[:, MECHANICAL]
         trial = augmented_traction(law, load[:, MECHANICAL], gap, (self.r, self.r))
-        contact_fraction = np.where(biactive, contact_fraction, trial[:, 2] < 0.0)
-        normal_traction = contact_traction(law, load[:, 2], gap[:, 2])
+        contact_fraction = np.where(biactive, contact_fraction, trial[:, NORMAL] < 0.0)
+        normal_traction = contact_traction(law, load[:, NORMAL], gap[:, NORMAL])
         conducted = conducted_flux(self.problem, load, relative_displacement)
         flux = self.self_compliance * conducted
         if conducting(self.problem):
@@ -236,7 +236,7 @@ class ContactResidual:
         if flux.any():  # pages of zeros take no memory
             np.divide(flux, self.scales.drop, out=residual[:, FLUX_ROWS])
         at = np.flatnonzero(biactive)
-        deviation = contact_fraction[at] - np.clip(contact_fraction[at] - trial[at, 2] / sigma[at], 0.0, 1.0)
+        deviation = contact_fraction[at] - np.clip(contact_fraction[at] - trial[at, NORMAL] / sigma[at], 0.0, 1.0)
         residual[at, FRACTION] = deviation * sigma[at] / self.scales.pressure
         balance = unbalance(self.problem, load) / self.scales.totals
         nodes = (relative_displacement, transmissivity, jump, drive, sigma, residual)
@@ -320,11 +320,11 @@ class ResidualState:
     @property
     def switch(self) -> Array:
         """Quantity c - t*_nu / sigma of the row of the contact fraction, (n,); not stored."""
-        return np.asarray(self.contact_fraction - self.trial[:, 2] / self.sigma)
+        return np.asarray(self.contact_fraction - self.trial[:, NORMAL] / self.sigma)
 
     def with_contact_fraction(self, contact_fraction: Array, biactive: Mask) -> "ResidualState":
         """Return the state at the same load with other contact fractions (n,) and biactive nodes (n,)."""
-        trial = self.trial[:, 2]
+        trial = self.trial[:, NORMAL]
         contact_fraction = np.where(biactive, contact_fraction, trial < 0.0)
         nodes = np.flatnonzero((contact_fraction != self.contact_fraction) | (biactive != self.biactive))
         scales, sigma, fraction = self.equation.scales, self.sigma[nodes], contact_fraction[nodes]
@@ -382,7 +382,7 @@ class ResidualState:
         violation: Array = np.abs(self.residual[:, FLUX_ROWS] * conducted).max(axis=1)
         contact_fraction = np.clip(self.contact_fraction[at], 0.0, 1.0)
         violation[at] = np.maximum(
-            violation[at], np.abs(contact_fraction - switch(contact_fraction, self.trial[at, 2], scales.pressure))
+            violation[at], np.abs(contact_fraction - switch(contact_fraction, self.trial[at, NORMAL], scales.pressure))
         )
         return violation
 
@@ -394,13 +394,13 @@ class ResidualState:
         """
         if is_adhesive(self.equation.problem.contact_law):
             return trial
-        pressed = self.biactive & (switch_value >= 1.0) & (trial[:, 2] >= 0.0)
-        opened = self.biactive & (switch_value <= 0.0) & (trial[:, 2] < 0.0)
+        pressed = self.biactive & (switch_value >= 1.0) & (trial[:, NORMAL] >= 0.0)
+        opened = self.biactive & (switch_value <= 0.0) & (trial[:, NORMAL] < 0.0)
         sticks = undone_slip(self.equation.problem, self.load, trial)
         if sticks is None and not (pressed | opened).any():
             return trial
         trial, least = trial.copy(order="K"), MIN_TRANSITION_RATIO * self.equation.scales.pressure
-        trial[pressed, 2], trial[opened, 2] = -least, least
+        trial[pressed, NORMAL], trial[opened, NORMAL] = -least, least
         if sticks is not None:
             trial[sticks, :2] = 0.0
         return trial
@@ -418,10 +418,10 @@ class ResidualState:
         stays = (self.residual[:, FRACTION] == 0.0) & ~between
         moves = between | (self.biactive & ~stays & (self.contact_fraction >= 0.0) & (self.contact_fraction <= 1.0))
         residual = self.residual.copy(order="K")
-        normal_traction = contact_traction(law, self.load[:, 2], self.relative_displacement[:, 2])
+        normal_traction = contact_traction(law, self.load[:, NORMAL], self.relative_displacement[:, NORMAL])
         residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
-        residual[between, 2] = normal_traction[between] / scales.pressure
-        residual[between, FRACTION] = equation.r * self.relative_displacement[between, 2] / scales.pressure
+        residual[between, NORMAL] = normal_traction[between] / scales.pressure
+        residual[between, FRACTION] = equation.r * self.relative_displacement[between, NORMAL] / scales.pressure
         trial = self._trial_by_fraction(actual, switch_value)
         gap, r, n = self.relative_displacement[:, MECHANICAL], (equation.r, equation.r), len(trial)
         a, b = (defaultdict[tuple[int, int], Array](partial(np.zeros, n)) for _ in range(2))
@@ -441,12 +441,12 @@ class ResidualState:
             a[i, i] += 1.0 / scales.pressure
         fraction = equation.problem.fields.size
         a[fraction, fraction] = np.where(between, 0.0, self.sigma / scales.pressure)
-        b[fraction, 2] = np.where(between, -equation.r / scales.pressure, 0.0)
+        b[fraction, NORMAL] = np.where(between, -equation.r / scales.pressure, 0.0)
         contact_fraction = np.clip(self.contact_fraction, 0.0, 1.0)
         conducted = conducted_flux(equation.problem, self.load, self.relative_displacement)
         unloaded_position = equation.transmissivity.unloaded(self.relative_displacement, conducted)
-        projected = self.load[:, 2] - scales.pressure * self.residual[:, 2]
-        ends = normal_traction, contact_traction(law, projected, self.relative_displacement[:, 2])
+        projected = self.load[:, NORMAL] - scales.pressure * self.residual[:, NORMAL]
+        ends = normal_traction, contact_traction(law, projected, self.relative_displacement[:, NORMAL])
         slope = contact_fraction[:, None] * equation.transmissivity.slope(*ends, unloaded_position)
         share, gap_slope = self.transmissivity, None
         if depends_on_gap(equation.problem):
@@ -455,18 +455,18 @@ class ResidualState:
             )
             share = share - self.drive * drop_slope
         if is_adhesive(law):
-            by_attraction = slope * attraction_slope(law, self.relative_displacement[:, 2])[:, None]
+            by_attraction = slope * attraction_slope(law, self.relative_displacement[:, NORMAL])[:, None]
             gap_slope = -by_attraction if gap_slope is None else gap_slope - by_attraction
         heated = thermal_channel(equation.problem)
         for k, field in enumerate(range(N_MECHANICAL, fraction)):
             unit = scales.drop[k]
             drive = self.drive[:, k] / unit
             a[field, field] = equation.self_compliance[:, k] / unit * (1.0 - share[:, k])
-            a[field, 2] = drive * slope[:, k]
+            a[field, NORMAL] = drive * slope[:, k]
             a[field, fraction] = np.where(moves, drive * self.jump[:, k], 0.0)
             b[field, field] = share[:, k] / unit
             if gap_slope is not None:
-                b[field, 2] = -drive * gap_slope[:, k]
+                b[field, NORMAL] = -drive * gap_slope[:, k]
             if k == heated:
                 for column, factor in heat_factors(equation.problem).items():
                     generation = factor * a[field, field]

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, Strict, ValidationError, model_validator
 
 from meeframe.common.errors import CaseError, listed
-from meeframe.fields import Array
+from meeframe.fields import ELECTRIC, NORMAL, Array
 from meeframe.fields.units import Quantity
 from meeframe.indenters.base import Indenter
 from meeframe.indenters.heights import SampledHeights
@@ -286,7 +286,7 @@ def mean_response(material: Material) -> tuple[float, float]:
         The modulus is E / (1 - nu^2) of an isotropic material (Vlassak and Nix, Philos. Mag. A 67 (1993) 1045).
     """
     mean = mean_compliance(material.stiffness)
-    return float(2.0 / mean[2, 2]), float(1.0 / abs(mean[3, 3]))
+    return float(2.0 / mean[NORMAL, NORMAL]), float(1.0 / abs(mean[ELECTRIC, ELECTRIC]))
 
 
 def conductor(material: Material, conductivity: float) -> Material:

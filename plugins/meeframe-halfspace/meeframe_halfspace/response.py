@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import isqrt
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from meeframe.plugin import (
     MECHANICAL,
     N_FIELDS,
+    NORMAL,
     Array,
     FieldScaling,
     Indices,
@@ -30,8 +30,6 @@ from meeframe.plugin import (
 from meeframe_halfspace.entries import EntryLayout, entries_to_matrix, entry_layout
 from meeframe_halfspace.thermal import ThermalResponse
 
-NORMAL: Final = 2
-"""Column of the normal displacement and traction."""
 _FIRST_ANGLES, _MAX_ANGLES = 32, 2048
 _NEGLIGIBLE = 1e-14  # of the largest coefficient, in scaled fields
 _TOLERANCE = 1e-13

@@ -1,6 +1,5 @@
 """The hierarchical boundary element formulation: body in, reduced system out."""
 
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -12,10 +11,8 @@ from pydantic import Field
 from meeframe.plugin import (
     ONE_BLAS_THREAD,
     AnyArray,
-    Array,
     Body,
     CaseError,
-    FieldScaling,
     FundamentalSolution,
     PersistentFormulation,
     Progress,
@@ -25,6 +22,7 @@ from meeframe.plugin import (
     check_quantities,
     checked_arguments,
     find_contact_zone,
+    physical_memory,
     silent,
 )
 from meeframe.plugin.boundary_elements import (
@@ -117,7 +115,7 @@ class HierarchicalBEM(PersistentFormulation):
         layout, _ = self._layout(body)
         _check_memory(layout.n_unknowns, self.tolerance)
         check_material(self.fundamental_solution, body)
-        anisotropy(_scaled(body))
+        anisotropy(body.scaled_stiffness)
 
     def couples_heat(self) -> bool:
         """Return True: the temperature may act on the other fields of the body."""
@@ -186,7 +184,7 @@ class HierarchicalBEM(PersistentFormulation):
 
     def boundary(self, body: Body, progress: Progress = silent) -> BoundarySystem:
         """Return the system of the whole boundary with its factors, without checks."""
-        stiffness = _scaled(body)
+        stiffness = body.scaled_stiffness
         accuracy = Accuracy(QUADRATURE_TOLERANCE_RATIO * self.tolerance, anisotropy(stiffness))
         layout, units = self._layout(body)
         mesh = replace(body.mesh, points=body.mesh.points / units.length)
@@ -201,7 +199,7 @@ class HierarchicalBEM(PersistentFormulation):
         return BoundarySystem(system, factors, tree, layout, units, body.mesh, flux_unit(mesh))
 
     def _representation(self, body: Body) -> InteriorRepresentation:
-        spread = anisotropy(_scaled(body))
+        spread = anisotropy(body.scaled_stiffness)
         return InteriorRepresentation.of(self.fundamental_solution, body, Units.of(body), spread)
 
     def _layout(self, body: Body) -> tuple[Layout, Units]:
@@ -209,21 +207,13 @@ class HierarchicalBEM(PersistentFormulation):
         return lay_out(body, find_patches(body.mesh, self.edge_angle), units), units
 
 
-def _scaled(body: Body) -> Array:
-    return FieldScaling.of(body.stiffness).scale_stiffness(body.stiffness)
-
-
-def memory_of_machine() -> float:
-    """Return the memory of this machine in bytes."""
-    return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-
-
 def _check_memory(unknowns: int, tolerance: float) -> None:
     """Raise TooLargeError if the matrices and factors are larger than the memory of the machine."""
     digits = -np.log10(BLOCK_TOLERANCE_RATIO * tolerance)
     needed = 8.0 * unknowns * min(3.0 * unknowns, NUMBERS_PER_DIGIT * digits * max(1.0, np.log2(unknowns / 1e3)))
-    if needed > memory_of_machine():
+    available = physical_memory()
+    if needed > available:
         raise TooLargeError(
-            f"{unknowns} unknowns need about {needed / 1e9:.3g} GB; this machine has {memory_of_machine() / 1e9:.3g} "
+            f"{unknowns} unknowns need about {needed / 1e9:.3g} GB; this machine has {available / 1e9:.3g} "
             "GB: use a coarser mesh or a larger tolerance"
         )
