@@ -13,6 +13,9 @@ FILES = sorted(
     for path in (ROOT / folder).rglob("*.py")
     if not {"build", ".venv"} & set(path.relative_to(ROOT).parts)
 )
+PACKAGE_FILES = [
+    path for path in FILES if re.match(r"(plugins/[^/]+/)?meeframe(_\w+)?/", path.relative_to(ROOT).as_posix())
+]
 OPENINGS = re.compile(r"(Of|What|Whether|That|See|As|How|Where|The same|Those)\b")
 
 # discouraged names and their replacements
@@ -58,9 +61,26 @@ DIALECT = {
     "idle_potentials": "unused_potentials",
     "FEWEST": "a constant that says what it bounds",
     "ENOUGH": "a constant that says what it bounds",
+    "reachable_start": "start_below_indenter",
+    "solve_part": "solve_attempt",
+    "_PART_OF_WINDOW": "a ratio",
     "FEW": "a constant that says what it bounds",
     "HARDLY": "a constant that says what it bounds",
     "TELLING": "a constant that says what it bounds",
+}
+# words with several meanings, which names in packages do not contain, and what to say instead
+AMBIGUOUS = {
+    "ahead": "next",
+    "found": "the noun for what is found",
+    "kept": "the noun for what is stored",
+    "moved": "displacement or motion",
+    "own": "of the node itself",
+    "reach": "feasible for equilibrium, contact for a boundary, highest for a value",
+    "reachable": "feasible",
+    "reached": "in contact for a boundary, highest for a value",
+    "turned": "rotated",
+    "unreachable": "infeasible",
+    "whole": "total",
 }
 DISCOURAGED = re.compile(rf"\b(?:_?own_|(?:{'|'.join(DIALECT)})\b)")
 
@@ -113,6 +133,17 @@ def name_faults(text: str) -> list[str]:
     return faults + [f"line {line}: {name}: a possessive" for line, name in computed if re.match(r"_?own_", name)]
 
 
+def ambiguity_faults(text: str) -> list[str]:
+    if not re.search("|".join(AMBIGUOUS), text, re.IGNORECASE):
+        return []
+    return [
+        f"line {line}: {name}; rather: {AMBIGUOUS[word]}"
+        for line, name in sorted(set(names(ast.parse(text))))
+        for word in name.lower().split("_")
+        if word in AMBIGUOUS
+    ]
+
+
 def test_checks_detect_faults():
     assert docstring_faults('"""A module."""\ndef f():\n    """Whether it is."""') == [
         "line 2: opens with 'Whether': Whether it is."
@@ -121,10 +152,12 @@ def test_checks_detect_faults():
     assert not docstring_faults('def _f():\n    """Of what"""\nclass A:\n    """Assemble it.\n\n    Of"""')
     assert name_faults("def f(own_gap):\n    self.tensed = 1\n    Rim = 2\n    return turned")
     assert not name_faults("def f(owner):\n    return restored")
+    assert len(ambiguity_faults("def f(moved, *, own):\n    sides_reached: int = 1\n    UNREACHABLE = 2")) == 4
+    assert not ambiguity_faults("def f(removed, owner):\n    return found")
 
 
-def file_faults(check: Callable[[str], list[str]]) -> str:
-    faults = ((file.relative_to(ROOT), fault) for file in FILES for fault in check(file.read_text(encoding="utf-8")))
+def file_faults(check: Callable[[str], list[str]], files: list[Path] = FILES) -> str:
+    faults = ((file.relative_to(ROOT), fault) for file in files for fault in check(file.read_text(encoding="utf-8")))
     return "\n".join(f"{file}, {fault}" for file, fault in faults)
 
 
@@ -135,4 +168,9 @@ def test_first_lines_are_sentences():
 
 def test_names_are_terms_of_the_field():
     faults = file_faults(name_faults)
+    assert not faults, faults
+
+
+def test_names_in_packages_have_one_meaning():
+    faults = file_faults(ambiguity_faults, PACKAGE_FILES)
     assert not faults, faults

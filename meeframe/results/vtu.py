@@ -119,9 +119,9 @@ def _write_array(file: BinaryIO, name: str, values: "_Rows | NDArray[Any]", comp
         compressed = zlib.compress(np.ascontiguousarray(values[start : start + per_block]).tobytes(), level)
         sizes[block] = len(compressed)
         rest += compressed
-        whole = len(rest) - len(rest) % 3  # bytes that base64 encodes without padding
-        file.write(base64.b64encode(rest[:whole]))
-        rest = rest[whole:]
+        end = len(rest) - len(rest) % 3  # bytes that base64 encodes without padding
+        file.write(base64.b64encode(rest[:end]))
+        rest = rest[end:]
     file.write(base64.b64encode(rest))
     end = file.tell()
     file.seek(begin)

@@ -10,7 +10,7 @@ import scipy  # submodules are loaded on first use
 from numpy.typing import NDArray
 
 from meeframe.common.errors import CaseError
-from meeframe.fields import Array, Indices
+from meeframe.fields import TANGENTIAL, Array, Indices
 from meeframe.mesh.regular import global_components, local_components, shares_frame
 from meeframe.system.capabilities import (
     ApproximateInverse,
@@ -23,7 +23,6 @@ from meeframe.system.capabilities import (
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
 C = TypeVar("C")
-TANGENTIAL: Final = (0, 1)
 MAX_ASPECT_RATIO: Final = 9.0
 """Largest ratio of the sides of a zone with which approximate inverses save products; at 10 they take more."""
 RELAXATIONS: Final = (0.1, 1.0, 10.0)
@@ -88,11 +87,11 @@ class CellShift:
         return cls(grid, is_periodic, length, frames)
 
     @cached_property
-    def ahead(self) -> Indices:
+    def next_nodes(self) -> Indices:
         """(n,) node one cell ahead in the rolling direction; at the border of the grid the node itself."""
-        ahead = np.empty(self.grid.size, np.int64)
-        ahead[self.grid] = np.concatenate([self.grid[1:], self.grid[:1] if self.is_periodic else self.grid[-1:]])
-        return ahead
+        next_nodes = np.empty(self.grid.size, np.int64)
+        next_nodes[self.grid] = np.concatenate([self.grid[1:], self.grid[:1] if self.is_periodic else self.grid[-1:]])
+        return next_nodes
 
     @cached_property
     def entering(self) -> NDArray[np.bool_]:
@@ -104,7 +103,7 @@ class CellShift:
 
     def values(self, values: Array) -> Array:
         """Return the values (n, ...) that the material at each node had one cell before."""
-        return np.asarray(values[self.ahead])
+        return np.asarray(values[self.next_nodes])
 
     def tangential(self, components: Array) -> Array:
         """Return components (n, 2) along e1 and e2 of the vectors that the material had one cell before."""
@@ -253,9 +252,9 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mat
         The response of the node ahead is that in the middle of the grid, in proportion to the area of each node.
         """
         blocks = self.body.diagonal_blocks().copy()
-        node, ahead, _ = self._of_middle
+        node, at_next_node, _ = self._of_middle
         share = blocks[:, 2, 2] / blocks[node, 2, 2]
-        blocks[:, TANGENTIAL] -= share[:, None, None] * ahead[list(TANGENTIAL)]
+        blocks[:, TANGENTIAL] -= share[:, None, None] * at_next_node[list(TANGENTIAL)]
         blocks[:, TANGENTIAL] *= self.cell
         return blocks
 
@@ -283,16 +282,17 @@ class SteadyRollingSystem(ReducedSystem, FieldwiseApply, ApproximateInverse, Mat
         direction of the load, (ny,), summed up along the rolling direction.
         """
         grid = self.cell_shift.grid
-        node, ahead = int(grid[len(grid) // 2 - 1, grid.shape[1] // 2]), np.empty((self.n_fields, self.n_fields))
+        node = int(grid[len(grid) // 2 - 1, grid.shape[1] // 2])
+        at_next_node = np.empty((self.n_fields, self.n_fields))
         across = np.zeros(grid.shape[1])
         for field in range(self.n_fields):
             load = np.zeros_like(self.offset)
             load[node, field] = 1.0
             response = self.body.apply(load)
-            ahead[:, field] = response[node] - _change(self.cell_shift, response, 1.0)[node]
+            at_next_node[:, field] = response[node] - _change(self.cell_shift, response, 1.0)[node]
             if field in TANGENTIAL:
                 across += response[grid, field].sum(axis=0) / len(TANGENTIAL)
-        return node, ahead, across
+        return node, at_next_node, across
 
     def dense(self) -> Array | None:
         """Return the compliance (n, fields, n, fields) if that of the body is a matrix."""

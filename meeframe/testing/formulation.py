@@ -174,8 +174,8 @@ def check_translation(formulation: Formulation, system: ReducedSystem) -> None:
         inner = shift.grid[2:-2, 2:-2]
         load = np.zeros_like(system.offset)
         load[inner] = np.random.default_rng(0).normal(size=(*inner.shape, system.n_fields)) * typical_load(system)
-        moved, displacement = system.apply(shift.load(load)), shift.values(system.apply(load))
-        error = worst(moved[~shift.entering], displacement[~shift.entering])
+        response, displacement = system.apply(shift.load(load)), shift.values(system.apply(load))
+        error = worst(response[~shift.entering], displacement[~shift.entering])
         require(error < 1e-9, "supports_rolling, but the compliance is not the same along the grid", error)
 
 

@@ -163,4 +163,4 @@ def test_shift_takes_values_from_the_node_ahead(direction, is_periodic):
     assert shift.values(points[:, :2] @ direction) == pytest.approx(expected)
     uniform = np.einsum("nai,i->na", frames[:, :2, :2], [0.3, -0.4])
     assert shift.tangential(uniform) == pytest.approx(uniform), "a vector that is the same everywhere"
-    assert shift.accumulate(np.ones(len(points)))[shift.ahead][~shift.entering].min() >= 1.0
+    assert shift.accumulate(np.ones(len(points)))[shift.next_nodes][~shift.entering].min() >= 1.0
