@@ -179,7 +179,7 @@ def with_biactive_nodes(solution: Solution, ratio: float) -> Solution:
         )
     else:
         words = f"from a state with friction of at most {ratio:.4g} times the pressure"
-    return solution.with_sentence(words)
+    return solution.with_sentences(words)
 
 
 def _biactive(problem: ContactProblem, state: ContactState, gap: Array, ratio: float) -> tuple[Array, Mask]:

@@ -32,6 +32,10 @@ Slip counts from the beginning of the increment, whatever the fraction. The resu
 SolveApproached = Callable[[ContactState | None, Easing, float | None], Solution]
 """Solves an increment as SolveEased does, with an approach in place of the force, or with None under the force."""
 
+_Outcome = tuple[Solution | None, str]
+"""Solution that a strategy found or, if it is None, words on how far it came."""
+
+_STATE: Final = "there is a state, with more none was found"
 _MIN_FRACTION: Final = 1.0 / 16.0
 _MIN_BIACTIVE_FRACTION: Final = 1.0 / 64.0
 """Least fraction of the change of the load from one state to the next, and with biactive friction."""
@@ -113,59 +117,62 @@ def solve_persistently(
     Solution
         Solution, or the increment as it ended last.
     """
-    is_brief, highest = stores or has_large_friction, 0.0
-    solution = solve(Attempt(stall_window=window if is_brief else None))
-    if solution.result.status in _FINAL:
-        return solution
+    is_brief = stores or has_large_friction
     brief = Attempt(stall_window=window, stores=stores)
 
     def solve_eased(start: ContactState | None, easing: Easing, approach: float | None = None) -> Solution:
         return solve(replace(brief, start=start, easing=easing, approach=approach))
 
-    if has_large_friction:
-        capped, highest = solve_by_capped_friction(solve_eased, solution, tolerance)
-        if capped is not None:
-            return capped
-    if is_brief:
-        solution = solve(Attempt(stores=stores))
-        if solution.result.status in _FINAL:
-            return solution
-    if highest > 0.0:
-        words = f"with friction of at most {highest:.3g} times the pressure there is a state, with more none was found"
-        solution = solution.with_sentence(words)
-    if conducting(solution.increment.problem):
-        conducted, factor = solve_by_scaled_conduction(solve_eased, solution)
-        if conducted is not None:
-            return conducted
-        if factor > 0.0:
-            words = f"with {factor:.3g} times the conductivities there is a state, with more none was found"
-            solution = solution.with_sentence(words)
-    if "normal_force" in solution.increment.prescribed and _may_attract(solution.increment.problem):
-        approached, words = solve_by_approach(solve_eased, solution)
-        if approached is not None:
-            return approached
-        solution = solution.with_sentence(words) if words else solution
-    # with the contact edge between nodes it began at a solution, the one with the contact edge at nodes
-    has_start = solution.result.area_fraction is not None
-    if has_start:
-        return solution
-    problem = solution.increment.problem
-    if has_large_friction and limit_jumps(problem.contact_law, len(problem.gap)):
+    def by_capped_friction(failed: Solution) -> _Outcome:
+        solution, ratio = solve_by_capped_friction(solve_eased, failed, tolerance)
+        return solution, f"with friction of at most {ratio:.3g} times the pressure {_STATE}" if ratio > 0.0 else ""
+
+    def by_longer_attempt(failed: Solution) -> _Outcome:
+        return solve(Attempt(stores=stores)), ""
+
+    def by_scaled_conduction(failed: Solution) -> _Outcome:
+        solution, factor = solve_by_scaled_conduction(solve_eased, failed)
+        return solution, f"with {factor:.3g} times the conductivities {_STATE}" if factor > 0.0 else ""
+
+    def by_approach(failed: Solution) -> _Outcome:
+        return solve_by_approach(solve_eased, failed)
+
+    def by_fractions(failed: Solution) -> _Outcome:
+        if failed.result.area_fraction is not None:  # it began at a solution, the one with the contact edge at nodes
+            return None, ""
+        problem = failed.increment.problem
+        jumps = has_large_friction and limit_jumps(problem.contact_law, len(problem.gap))
 
         def solve_fraction(fraction: float, start: ContactState | None) -> Solution | None:
-            attempt = replace(brief, fraction=fraction)
+            if not jumps:
+                return solve(replace(brief, fraction=fraction, start=start))
             return solve_from_biactive_friction(
-                lambda guess, easing: solve(replace(attempt, start=guess, easing=easing)),
+                lambda guess, easing: solve(replace(brief, fraction=fraction, start=guess, easing=easing)),
                 start,
                 start or before,
                 problem,
                 tolerance,
             )
 
-        return solve_by_continuation(solve_fraction, solution, _MIN_BIACTIVE_FRACTION)
-    return solve_by_continuation(
-        lambda fraction, start: solve(replace(brief, fraction=fraction, start=start)), solution
-    )
+        return solve_by_continuation(solve_fraction, failed, _MIN_BIACTIVE_FRACTION if jumps else _MIN_FRACTION)
+
+    last = solve(Attempt(stall_window=window if is_brief else None))
+    if last.result.status in _FINAL:
+        return last
+    increment, sentences = last.increment, list[str]()
+    for strategy, applies in (
+        (by_capped_friction, has_large_friction),
+        (by_longer_attempt, is_brief),
+        (by_scaled_conduction, conducting(increment.problem)),
+        (by_approach, "normal_force" in increment.prescribed and _may_attract(increment.problem)),
+        (by_fractions, True),
+    ):
+        solution, sentence = strategy(last) if applies else (None, "")
+        last = last if solution is None else solution
+        if last.result.status in _FINAL:
+            return last
+        sentences += [sentence] * bool(sentence)
+    return last.with_sentences(*sentences)
 
 
 def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: float) -> tuple[Solution | None, float]:
@@ -252,7 +259,7 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Sol
             solution, path = (None, path) if heat_moves_surface(problem) else raised(Easing(edge_of=at_nodes), solution)
     if solution is None:
         return None, path[-1][0] if path else 0.0
-    return solution.with_sentence("from a state with smaller conductivities"), 1.0
+    return solution.with_sentences("from a state with smaller conductivities"), 1.0
 
 
 def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solution | None, str]:
@@ -311,7 +318,7 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
                 iterations += exact.result.iterations
                 if exact.is_converged:
                     exact = exact.with_result(iterations=iterations)
-                    return exact.with_sentence("from a state with a prescribed approach"), ""
+                    return exact.with_sentences("from a state with a prescribed approach"), ""
             passed = f", with {approach + sign * step:.6g} m under {force_of(further):.4g} N, none between"
             step, untried = step / 2.0, []
     else:  # there may be states that were not sought
@@ -377,8 +384,10 @@ def _may_attract(problem: ContactProblem) -> bool:
     return is_adhesive(problem.contact_law) or conducting(problem)
 
 
-def solve_by_continuation(solve: SolveFrom, failed: Solution, least: float = _MIN_FRACTION) -> Solution:
-    """Return the solution of an increment from states under fractions of its load; the failed one if there is none.
+def solve_by_continuation(
+    solve: SolveFrom, failed: Solution, least: float = _MIN_FRACTION
+) -> tuple[Solution | None, str]:
+    """Return the solution of an increment from states under fractions of its load, if it is found.
 
     The states are initial guesses alone: the result solves the same problem.
 
@@ -390,6 +399,13 @@ def solve_by_continuation(solve: SolveFrom, failed: Solution, least: float = _MI
         Whole increment that did not converge.
     least : float, optional
         Least fraction of the change of the load by which it is raised from one state to the next.
+
+    Returns
+    -------
+    Solution or None
+        The solution; None if it is not found.
+    str
+        Words on the largest fraction under which there is a state; empty if there is none.
     """
     done, size, iterations = 0.0, 0.5, failed.result.iterations
     start: ContactState | None = None
@@ -402,7 +418,6 @@ def solve_by_continuation(solve: SolveFrom, failed: Solution, least: float = _MI
         done += size
         if done == 1.0:
             solution = solution.with_result(iterations=iterations)
-            return solution.with_sentence("from a state with a part of the load of the increment")
+            return solution.with_sentences("from a state with a part of the load of the increment"), ""
         start, size = solution.end.state, min(size, 1.0 - done)
-    words = f"with {done:.3g} of the change of the load there is a state, with more none was found"
-    return failed.with_sentence(words) if done > 0.0 else failed
+    return None, f"with {done:.3g} of the change of the load {_STATE}" if done > 0.0 else ""

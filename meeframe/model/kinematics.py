@@ -82,9 +82,9 @@ class Solution(NamedTuple):
         """True if the increment converged."""
         return self.result.status is Status.CONVERGED
 
-    def with_sentence(self, sentence: str) -> "Solution":
-        """Return the solution with a further sentence in its message."""
-        return self.with_result(message=join_sentences(self.result.message, sentence))
+    def with_sentences(self, *sentences: str) -> "Solution":
+        """Return the solution with further sentences in its message."""
+        return self.with_result(message=join_sentences(self.result.message, *sentences))
 
     def with_result(self, **changes: Any) -> "Solution":
         """Return the solution with other values of attributes of its result."""

@@ -54,9 +54,9 @@ def solve_steady(solve: Solve, here: ConvergedState, cell_shift: CellShift, has_
             return solution
         passed = path_before(solution.result, cell_shift)
         if np.abs(passed - path).max() <= _PATH_TOLERANCE * passed.max():
-            return solution.with_sentence(f"{count} states until the slip path was steady")
+            return solution.with_sentences(f"{count} states until the slip path was steady")
         path, start = passed, replace(start, state=solution.end.state)
-    solution = solution.with_sentence(f"the slip path is not steady after {_MAX_STATES} states")
+    solution = solution.with_sentences(f"the slip path is not steady after {_MAX_STATES} states")
     return solution.with_result(status=Status.STALLED)._replace(end=here)
 
 

@@ -125,7 +125,7 @@ def solve_cycles(solve: Solve, here: ConvergedState, wear: WearOfCycles, cycles:
             loading = replace(loading, rolling=replace(loading.rolling, cycles=end.cycles))
         solution = solution._replace(end=end if solution.is_converged else here)
         solution = solution.with_result(loading=loading, iterations=iterations)
-        return solution.with_sentence(f"{sentence}, with {states} steady states")
+        return solution.with_sentences(f"{sentence}, with {states} steady states")
 
     done, size, error, steps = 0.0, cycles, 0.0, 0
     first, others = _coefficients(_STAGES)
