@@ -1,4 +1,4 @@
-"""Memory of the machine, of arrays with columns of zeros, and of freed arrays, which the C library can retain.
+"""Memory that a process may use, of arrays with columns of zeros, and of freed arrays, which the C library can retain.
 
 Solvers allocate and free arrays of some megabytes all the time. By default the C library returns free memory at the
 end of its heap to the system, which has to provide and clear it again page by page. That takes a tenth of the time of
@@ -9,8 +9,11 @@ import ctypes
 import math
 import mmap
 import os
-from collections.abc import Iterable
+import resource
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -32,9 +35,45 @@ _MMAP_THRESHOLD: Final = -3
 _TUNING_VARIABLES: Final = "MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_", "GLIBC_TUNABLES"
 
 
-def physical_memory() -> int:
-    """Return the memory of this machine in bytes."""
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+def usable_memory() -> int:
+    """Return the memory in bytes that this process may use.
+
+    It is that of the machine, or the least limit of the process (`ulimit -v`) and of its control groups, by which batch
+    systems and containers limit jobs.
+    """
+    limits = [os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"), *control_group_limits()]
+    of_process, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return min(limits if of_process == resource.RLIM_INFINITY else [*limits, of_process])
+
+
+def control_group_limits(
+    membership: Path = Path("/proc/self/cgroup"), mount: Path = Path("/sys/fs/cgroup")
+) -> Iterator[int]:
+    """Yield the limits in bytes of the control groups that hold this process, of both versions of the interface.
+
+    Parameters
+    ----------
+    membership : Path, optional
+        File of the system that lists the groups.
+    mount : Path, optional
+        Folder of the groups. In a container, its top is the group of the container.
+    """
+    try:
+        lines = membership.read_text(encoding="utf-8").splitlines()
+    except OSError:  # not Linux
+        return
+    for line in lines:
+        _, controllers, group = line.split(":", 2)
+        if not controllers:
+            top, name = mount, "memory.max"
+        elif "memory" in controllers.split(","):
+            top, name = mount / "memory", "memory.limit_in_bytes"
+        else:
+            continue
+        folder = top / group.lstrip("/")
+        for each in (folder, *folder.parents[: len(folder.relative_to(top).parts)]):
+            with suppress(OSError, ValueError):  # no such file, or "max"
+                yield int((each / name).read_text(encoding="ascii"))
 
 
 @cache

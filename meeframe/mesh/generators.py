@@ -7,7 +7,7 @@ from typing import Annotated, Final
 import numpy as np
 
 from meeframe.common.errors import MeshError, TooLargeError
-from meeframe.common.memory import physical_memory
+from meeframe.common.memory import usable_memory
 from meeframe.elements.base import SurfaceElement
 from meeframe.elements.lagrange import Quad4
 from meeframe.fields import Array
@@ -193,12 +193,12 @@ def half_space_mesh(
 def _check_memory(cells: tuple[int, int]) -> None:
     """Raise TooLargeError if a run with a grid of so many cells needs more memory than the machine has."""
     nodes = (cells[0] + 1) * (cells[1] + 1)
-    required, available = BYTES_PER_NODE * nodes, physical_memory()
+    required, available = BYTES_PER_NODE * nodes, usable_memory()
     if required > available:
         most = math.isqrt(available // BYTES_PER_NODE) - 1
         raise TooLargeError(
             f"divisions = {cells[0]} x {cells[1]}: a run with {nodes} nodes needs at least {required / 1e9:.3g} GB, "
-            f"{BYTES_PER_NODE} bytes per node; this machine has {available / 1e9:.3g} GB; allowed: about "
+            f"{BYTES_PER_NODE} bytes per node; this process may use {available / 1e9:.3g} GB; allowed: about "
             f"{most} x {most}"
         )
 

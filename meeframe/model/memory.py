@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from typing import Final
 
 from meeframe.common.errors import TooLargeError
-from meeframe.common.memory import physical_memory
+from meeframe.common.memory import usable_memory
 from meeframe.contact.channels import FluxChannel
 from meeframe.fields import N_MECHANICAL
 from meeframe.laws.base import ContactLaw
@@ -41,12 +41,12 @@ def check_memory(mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChan
     if mesh.grid is None:
         return
     nodes = mesh.grid[0] * mesh.grid[1]
-    required, available = required_memory(nodes, law, channels), physical_memory()
+    required, available = required_memory(nodes, law, channels), usable_memory()
     if required > available:
         most = math.isqrt(max(available - BASE_BYTES, 0) * nodes // (required - BASE_BYTES))
         raise TooLargeError(
             f"divisions = {mesh.grid[0] - 1} x {mesh.grid[1] - 1}: a run with {nodes} nodes and these laws needs about "
-            f"{required / 1e9:.3g} GB; this machine has {available / 1e9:.3g} GB; allowed: about {most} x {most}"
+            f"{required / 1e9:.3g} GB; this process may use {available / 1e9:.3g} GB; allowed: about {most} x {most}"
         )
 
 
@@ -54,6 +54,6 @@ def memory_warning(mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxCh
     """Yield a warning if a run on the grid of a half space needs much of the memory of the machine."""
     if mesh.grid is None:
         return
-    required, available = required_memory(mesh.grid[0] * mesh.grid[1], law, channels), physical_memory()
+    required, available = required_memory(mesh.grid[0] * mesh.grid[1], law, channels), usable_memory()
     if required > NOTICED_FRACTION * available:
-        yield f"the run needs about {required / 1e9:.3g} GB of the {available / 1e9:.3g} GB of this machine"
+        yield f"the run needs about {required / 1e9:.3g} GB of the {available / 1e9:.3g} GB that this process may use"

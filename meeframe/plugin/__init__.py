@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from meeframe.common.files import check_file as check_file
     from meeframe.common.files import read_npy as read_npy
     from meeframe.common.hdf5 import open_hdf5 as open_hdf5
-    from meeframe.common.memory import physical_memory as physical_memory
+    from meeframe.common.memory import usable_memory as usable_memory
     from meeframe.contact.channels import FluxChannel as FluxChannel
     from meeframe.contact.conduction import Switches as Switches
     from meeframe.contact.conduction import potential_diagonal as potential_diagonal
@@ -241,7 +241,7 @@ _HOMES = {
     # Files
     "check_file": "meeframe.common.files",
     "open_hdf5": "meeframe.common.hdf5",
-    "physical_memory": "meeframe.common.memory",
+    "usable_memory": "meeframe.common.memory",
     "read_npy": "meeframe.common.files",
     # Compiled code and threads
     "ONE_BLAS_THREAD": "meeframe.common.blas",

@@ -8,7 +8,7 @@ import numpy as np
 
 from meeframe.common.arguments import checked_arguments
 from meeframe.common.errors import CaseError, TooLargeError
-from meeframe.common.memory import physical_memory
+from meeframe.common.memory import usable_memory
 from meeframe.elements.anisotropy import anisotropy
 from meeframe.fields import THERMAL_FIELD, Array
 from meeframe.fields.units import Quantity, check_quantities
@@ -220,11 +220,11 @@ def _check_memory(*regions: Body) -> None:
     zones = [0 if r.contact_group is None else len(r.mesh.group_points(r.contact_group)) for r in regions]
     loads = n_fields * np.array(zones)
     required = int(8 * unknowns @ (unknowns + loads + np.append(loads[1:], 0)))
-    available = physical_memory()
+    available = usable_memory()
     if required > available:
         other = "half-space" if body.mesh.semi_infinite else "skfem" if len(regions) > 1 else "hmatrix-bem"
         raise TooLargeError(
             f"{unknowns.sum() // n_fields} points, {zones[0]} of them in the contact zone, require matrices of "
-            f"{required / 1e9:.3g} GB; this machine has {available / 1e9:.3g} GB: use a coarser mesh, or the "
+            f"{required / 1e9:.3g} GB; this process may use {available / 1e9:.3g} GB: use a coarser mesh, or the "
             f"formulation {other!r}"
         )

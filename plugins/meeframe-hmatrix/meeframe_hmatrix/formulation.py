@@ -22,8 +22,8 @@ from meeframe.plugin import (
     check_quantities,
     checked_arguments,
     find_contact_zone,
-    physical_memory,
     silent,
+    usable_memory,
 )
 from meeframe.plugin.boundary_elements import (
     Accuracy,
@@ -211,9 +211,9 @@ def _check_memory(unknowns: int, tolerance: float) -> None:
     """Raise TooLargeError if the matrices and factors are larger than the memory of the machine."""
     digits = -np.log10(BLOCK_TOLERANCE_RATIO * tolerance)
     needed = 8.0 * unknowns * min(3.0 * unknowns, NUMBERS_PER_DIGIT * digits * max(1.0, np.log2(unknowns / 1e3)))
-    available = physical_memory()
+    available = usable_memory()
     if needed > available:
         raise TooLargeError(
-            f"{unknowns} unknowns need about {needed / 1e9:.3g} GB; this machine has {available / 1e9:.3g} "
+            f"{unknowns} unknowns need about {needed / 1e9:.3g} GB; this process may use {available / 1e9:.3g} "
             "GB: use a coarser mesh or a larger tolerance"
         )

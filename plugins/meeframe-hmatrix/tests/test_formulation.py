@@ -259,8 +259,8 @@ def test_unsupported_bodies_are_rejected(make_block, monkeypatch):
     other = BoundaryCondition("side_y+", 2, "value", 1.0)
     with pytest.raises(CaseError, match="contradict"):
         HierarchicalBEM().check(replace(body, conditions=(*body.conditions, other)))
-    monkeypatch.setattr(formulation, "physical_memory", lambda: 1e6)
-    with pytest.raises(CaseError, match=r"unknowns need about .* GB; this machine has 0.001"):
+    monkeypatch.setattr(formulation, "usable_memory", lambda: 1e6)
+    with pytest.raises(CaseError, match=r"unknowns need about .* GB; this process may use 0.001"):
         HierarchicalBEM().check(body)
 
 

@@ -1,6 +1,5 @@
 """Volume meshes, their boundary faces, and a reader of files."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -9,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from meeframe.plugin import Array, Indices, MeshError, TooLargeError
+from meeframe.plugin import Array, Indices, MeshError, TooLargeError, usable_memory
 from meeframe.plugin.surfaces import read_any
 from meeframe_skfem.elements import ELEMENTS, VolumeElement, cell_rule, face_nodes, tabulate
 
@@ -125,7 +124,7 @@ def check_volume(mesh: VolumeMesh) -> None:
 
 
 def check_memory(n_points: float, n_fields: int) -> None:
-    """Check that the memory of the machine suffices for `n_fields` fields on a mesh of `n_points` points.
+    """Check that the memory that this process may use suffices for `n_fields` fields on a mesh of `n_points` points.
 
     Raises
     ------
@@ -139,10 +138,10 @@ def check_memory(n_points: float, n_fields: int) -> None:
     """
     unknowns = n_fields * n_points
     required = BYTES_PER_UNKNOWN * unknowns ** (4 / 3)
-    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    available = usable_memory()
     if required > available:
         raise TooLargeError(
-            f"volume mesh: {unknowns:.3g} unknowns need about {required / 1e9:.3g} GB; this machine has "
+            f"volume mesh: {unknowns:.3g} unknowns need about {required / 1e9:.3g} GB; this process may use "
             f"{available / 1e9:.3g} GB: use a larger `growth`, fewer elements in the contact zone or a coarser volume"
         )
 

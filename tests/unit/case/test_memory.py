@@ -1,11 +1,15 @@
 """Grids that exceed the memory are refused, with an estimate that depends on the laws, before anything is computed."""
 
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from meeframe.common.errors import CaseError, TooLargeError
+from meeframe.common.memory import control_group_limits, usable_memory
 from meeframe.elements import Quad4
 from meeframe.indenters import Sphere
 from meeframe.laws import IsotropicCoulomb, Signorini, StepConductivity
@@ -42,7 +46,7 @@ normal_force = 1.0
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return a function that sets the memory of the machine in bytes."""
-    return lambda size: monkeypatch.setattr("meeframe.model.memory.physical_memory", lambda: int(size))
+    return lambda size: monkeypatch.setattr("meeframe.model.memory.usable_memory", lambda: int(size))
 
 
 def make(**changes: Any) -> Case:
@@ -87,3 +91,27 @@ def test_the_message_names_the_key(machine, tmp_path):
     machine(BASE_BYTES)
     with pytest.raises(CaseError, match=r"case\.toml: mesh: divisions = 199 x 199: .* allowed: about 0 x 0"):
         load_case(file)
+
+
+@pytest.mark.parametrize(
+    ("line", "file"), [("0::/job/step", "memory.max"), ("4:cpu,memory:/job/step", "memory.limit_in_bytes")]
+)
+def test_limits_of_control_groups(line: str, file: str, tmp_path: Path) -> None:
+    """A group has the limits of all groups that hold it, and may have none itself."""
+    membership, mount = tmp_path / "cgroup", tmp_path / "groups"
+    membership.write_text(f"3:cpuset:/elsewhere\n{line}\n", encoding="utf-8")
+    top = mount / "memory" if "memory:" in line else mount
+    (top / "job" / "step").mkdir(parents=True)
+    assert list(control_group_limits(membership, mount)) == []
+    for folder, limit in ((top, "8000"), (top / "job", "5000"), (top / "job" / "step", "max")):
+        (folder / file).write_text(f"{limit}\n", encoding="ascii")
+    assert list(control_group_limits(membership, mount)) == [5000, 8000]
+    assert list(control_group_limits(tmp_path / "none", mount)) == []
+
+
+def test_a_limit_of_the_process_counts() -> None:
+    unlimited = usable_memory()
+    words = "from meeframe.common.memory import usable_memory; print(usable_memory())"
+    command = f"ulimit -v {unlimited // 2048}; exec {sys.executable} -c '{words}'"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=True)
+    assert int(done.stdout) == unlimited // 2048 * 1024

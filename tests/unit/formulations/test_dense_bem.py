@@ -225,7 +225,7 @@ def test_unsupported_bodies_are_rejected_early(monkeypatch):
     with pytest.raises(MaterialError, match="isotropic"):
         DenseBEM(Isotropic()).check(body)
     monkeypatch.setattr("os.sysconf", lambda _: 1000)
-    reported = r"this machine has 0\.001 GB: use a coarser mesh, or the formulation '{}'"
+    reported = r"this process may use 0\.001 GB: use a coarser mesh, or the formulation '{}'"
     with pytest.raises(MeshError, match=reported.format("hmatrix-bem")):
         DenseBEM().check(body)
     with pytest.raises(MeshError, match=reported.format("half-space")):
