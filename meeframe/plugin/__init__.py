@@ -105,6 +105,7 @@ if TYPE_CHECKING:
     from meeframe.system.capabilities import IndenterEdge as IndenterEdge
     from meeframe.system.capabilities import InteriorFields as InteriorFields
     from meeframe.system.capabilities import LatticeStencil as LatticeStencil
+    from meeframe.system.capabilities import MaterialFlow as MaterialFlow
     from meeframe.system.capabilities import Multigrid as Multigrid
     from meeframe.system.capabilities import Persistence as Persistence
     from meeframe.system.capabilities import PointFields as PointFields
@@ -227,6 +228,7 @@ _HOMES = {
     "INTERIOR_STAGE": "meeframe.system.capabilities",
     "InteriorFields": "meeframe.system.capabilities",
     "LatticeStencil": "meeframe.system.capabilities",
+    "MaterialFlow": "meeframe.system.capabilities",
     "Multigrid": "meeframe.system.capabilities",
     "Persistence": "meeframe.system.capabilities",
     "PointFields": "meeframe.system.capabilities",

@@ -1,8 +1,8 @@
 """Hook specifications, with one documented hook for each kind of object that can be registered."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import pluggy
 
@@ -36,12 +36,16 @@ class Record(Generic[T_co]):
         Description in one line.
     source
         Equation, paper or book.
+    check_arguments
+        A function that returns, for an object of the factory, further arguments by name of the conformance kit with
+        which `meeframe plugins check` checks it, such as the body and the exact field of a formulation.
     """
 
     name: str
     factory: Callable[..., T_co]
     summary: str
     source: str
+    check_arguments: Callable[[Any], Mapping[str, Any]] | None = None
 
 
 class HookSpecs:

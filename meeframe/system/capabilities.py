@@ -13,16 +13,13 @@ evaluates a solution inside the body.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.fields import N_FIELDS, Array, Indices
-from meeframe.system.reduced import Progress, silent
-
-if TYPE_CHECKING:
-    from meeframe.system.reduced import ReducedSystem
+from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 AnyArray = NDArray[Any]
 """Array of any type, in single or double precision."""
@@ -364,7 +361,7 @@ class Coarsening:
         Values (n, k) at the nodes of the finer system from values (m, k).
     """
 
-    system: "ReducedSystem"
+    system: ReducedSystem
     nodes: Indices
     prolong: Callable[[Array], Array]
 
@@ -381,7 +378,7 @@ class Subsystem:
         (m,) nodes of the whole zone that are the nodes of the part, in its order.
     """
 
-    system: "ReducedSystem"
+    system: ReducedSystem
     nodes: Indices
 
 
@@ -440,7 +437,7 @@ class IndenterEdge:
     gap: Array
 
 
-def apply_fields(system: "ReducedSystem", load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
+def apply_fields(system: ReducedSystem, load: Array, loaded: Sequence[int], fields: Sequence[int]) -> Array:
     """Return the displacement in some fields due to a load in some fields, for any system.
 
     Without the capability `FieldwiseApply` the system computes all fields by `apply`.
@@ -467,14 +464,14 @@ def apply_fields(system: "ReducedSystem", load: Array, loaded: Sequence[int], fi
     return system.apply(full)[:, list(fields)]
 
 
-def apply_load(system: "ReducedSystem", load: Array, fields: Sequence[int]) -> Array:
+def apply_load(system: ReducedSystem, load: Array, fields: Sequence[int]) -> Array:
     """Return the displacement (n, k) in k fields due to a load (n, f), skipping fields that are unloaded."""
     loaded = np.flatnonzero(load.any(axis=0)).tolist()
     some = load if len(loaded) == system.n_fields else load.T[loaded].T
     return apply_fields(system, some, loaded, fields)
 
 
-def diagonal(system: "ReducedSystem", fields: Sequence[int]) -> Array:
+def diagonal(system: ReducedSystem, fields: Sequence[int]) -> Array:
     """Return the diagonals of the diagonal blocks of any system in some fields.
 
     Parameters

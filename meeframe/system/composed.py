@@ -276,17 +276,39 @@ class ComposedSystem(
 
         None if the rotation of the first body mixes these fields with others.
         """
+        inverse = _required(self.terms[0].system, ApproximateInverse).approximate_inverse
+        return self._rescaled(inverse, list(fields), np.zeros(len(fields)))
+
+    def series_inverse(self, fields: Sequence[int], resistances: Array) -> Callable[[Array], Array] | None:
+        """Return that of the first body, rescaled likewise.
+
+        None if a rotation mixes these fields with others, or fields with different resistances.
+        """
         term, chosen = self.terms[0], list(fields)
-        if set(term.closure(chosen)) != set(chosen):
+        of_field = dict(zip(chosen, resistances.tolist(), strict=True))
+        if any(len({of_field.get(other) for other in term.closure([field])}) > 1 for field in chosen):
             return None
-        inverse = _required(term.system, ApproximateInverse).approximate_inverse(chosen)
+        inverse = _required(term.system, ApproximateInverse).series_inverse
+        return self._rescaled(partial(inverse, resistances=resistances), chosen, resistances)
+
+    def _rescaled(
+        self,
+        inverse_of: Callable[[list[int]], Callable[[Array], Array] | None],
+        fields: list[int],
+        resistances: Array,
+    ) -> Callable[[Array], Array] | None:
+        """Return an inverse of the first body, in series with resistances, in the frames of the composition."""
+        term = self.terms[0]
+        if set(term.closure(fields)) != set(fields):
+            return None
+        inverse = inverse_of(fields)
         if inverse is None:
             return None
-        inverse = _in_frames(inverse, term, chosen)
+        inverse = _in_frames(inverse, term, fields)
         if len(self.terms) == 1 and self.extra_compliance is None:
             return inverse
-        alone = term.blocks_from_body(term.system.diagonal_blocks())[:, chosen, chosen]
-        return rescale_inverse(inverse, alone, self.diagonal(chosen))
+        alone = term.blocks_from_body(term.system.diagonal_blocks())[:, fields, fields]
+        return rescale_inverse(inverse, alone + resistances, self.diagonal(fields) + resistances)
 
     def prolongation(self, nodes: Indices) -> Prolongation | None:
         """Return that of the first body."""

@@ -91,7 +91,9 @@ def _checked(registry: Registry, entry: Entry, table: Mapping[str, Any], magnitu
             if entry.kind is Kind.ELEMENT
             else registry.create(entry.kind, {"name": name, **parameters})
         )
-        _check_of(entry.kind, magnitudes)(made)
+        kit, arguments = _kit_of(entry.kind, magnitudes)
+        further = entry.record.check_arguments
+        kit(made, **{**arguments, **(further(made) if further else {})})
     except CaseError as error:
         return dataclasses.replace(result, failure=f"not checked: {error}")
     except KeyboardInterrupt:
@@ -102,19 +104,20 @@ def _checked(registry: Registry, entry: Entry, table: Mapping[str, Any], magnitu
     return result
 
 
-def _check_of(kind: Kind, magnitudes: Magnitudes) -> Callable[[Any], None]:
-    """Return the conformance check of a kind."""
-    checks: dict[Kind, Callable[[Any], None]] = {
-        Kind.CONTACT_LAW: lambda law: check_contact_law(law, magnitudes.pressure, gap=magnitudes.gap),
-        Kind.CONDUCTIVITY_LAW: lambda law: check_conductivity_law(law, magnitudes.pressure, gap=magnitudes.gap),
-        Kind.WEAR_LAW: lambda law: check_wear_law(law, magnitudes.pressure),
-        Kind.SOLVER: lambda solver: check_solver(solver, friction=magnitudes.friction),
-        Kind.INDENTER: check_indenter,
-        Kind.ELEMENT: check_element,
-        Kind.FORMULATION: check_formulation,
-        Kind.FUNDAMENTAL_SOLUTION: lambda solution: check_fundamental_solution(solution, _anisotropic_stiffness()),
+def _kit_of(kind: Kind, magnitudes: Magnitudes) -> tuple[Callable[..., None], dict[str, Any]]:
+    """Return the conformance kit of a kind and its arguments by name."""
+    typical = {"pressure": magnitudes.pressure, "gap": magnitudes.gap}
+    kits: dict[Kind, tuple[Callable[..., None], dict[str, Any]]] = {
+        Kind.CONTACT_LAW: (check_contact_law, typical),
+        Kind.CONDUCTIVITY_LAW: (check_conductivity_law, typical),
+        Kind.WEAR_LAW: (check_wear_law, {"pressure": magnitudes.pressure}),
+        Kind.SOLVER: (check_solver, {"friction": magnitudes.friction}),
+        Kind.INDENTER: (check_indenter, {}),
+        Kind.ELEMENT: (check_element, {}),
+        Kind.FORMULATION: (check_formulation, {}),
+        Kind.FUNDAMENTAL_SOLUTION: (check_fundamental_solution, {"stiffness": _anisotropic_stiffness()}),
     }
-    return checks[kind]
+    return kits[kind]
 
 
 def _anisotropic_stiffness() -> Any:

@@ -74,6 +74,8 @@ REASONS: Final = {
     "units": "results and iterations must not depend on the units; look for absolute tolerances.",
     "converged, but": "an inaccurate state must not be reported as converged.",
     "least squares": "the frictionless solution is unique; nonnegative least squares compute it independently.",
+    "on a half space": "a large block responds as a half space. A formulation for other bodies is checked by a body and"
+    " an exact field that its Record names by check_arguments (docs/howto/fast-formulation.md, Conformance).",
     "reference domain": "quadrature points lie in the reference domain.",
     "element has no name": "case files and results refer to elements by name.",
     "no meshio cell type": "meshes are read and fields are written by meshio.",

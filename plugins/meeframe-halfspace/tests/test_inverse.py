@@ -16,10 +16,15 @@ from meeframe.material import library_material
 from meeframe.mesh import half_space_mesh
 from meeframe.mesh.body import Body
 from meeframe.solvers import BarzilaiBorwein, SemismoothNewton, StoppingCriteria, residual, solve
-from meeframe.system.capabilities import Multigrid
+from meeframe.system.capabilities import ApproximateInverse, Multigrid
+from meeframe.system.composed import ComposedSystem
 from meeframe.system.reduced import ReducedSystem
+from meeframe.system.rotated import rotate_frames
+from meeframe.system.two_body import combine_bodies
+from meeframe.testing.capabilities import check_approximate_inverse
 from meeframe.testing.force_control import PRESS, SLIDE, SLIDE_2, prescribe_resultant
 from meeframe.testing.operation_counter import OperationCounter
+from meeframe.testing.zone_loads import typical_load
 
 MEDIUM = library_material("orthotropic-mee")
 RADIUS, FORCE, MU, WIDTH = 0.1, 450.0, 0.3, 7e-3
@@ -101,6 +106,39 @@ def test_poor_conduction_takes_few_products(monkeypatch) -> None:
     assert np.abs(states[0].load - states[1].load).max(axis=0) == pytest.approx(
         np.zeros(5), abs=1e-6 * np.abs(states[1].load).max()
     )
+
+
+def rotated(system: ReducedSystem) -> ReducedSystem:
+    return rotate_frames(system, np.tile([1.0, 1.0, 0.0], (len(system.points), 1)))
+
+
+def test_resistances_in_series_in_rotated_frames() -> None:
+    """A composed system has the inverse of its body, unless fields that rotate together have different resistances."""
+    system = reduced(32, periodic=True)
+    composed = rotated(system).capability(ApproximateInverse)
+    resistances = np.diagonal(system.diagonal_blocks()[0]) * [0.0, 0.0, 0.0, 20.0, 3.0]
+    load = np.random.default_rng(3).normal(size=system.offset.shape) * typical_load(system)
+    computed = composed.series_inverse(range(5), resistances)(composed.apply(load) + resistances * load)
+    assert (np.abs(computed - load).max(axis=0) < 1e-5 * np.abs(load).max(axis=0)).all()
+    assert composed.series_inverse((0,), np.zeros(1)) is None
+    assert composed.series_inverse((0, 1), np.array([0.0, 1.0])) is None
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("compose", [rotated, lambda system: combine_bodies(system, system)])
+def test_poor_conduction_of_composed_systems_takes_few_products(compose, monkeypatch) -> None:
+    """Composed systems forward the inverse with resistances; the check of inverses includes it."""
+    system = compose(reduced(64))
+    check_approximate_inverse(system)
+    products, states = [], []
+    for included in (True, False):
+        if not included:
+            monkeypatch.setattr(ComposedSystem, "series_inverse", lambda *_: None)
+        counter = OperationCounter.of(system)
+        states.append(solve_contact(dragged(counter, kappa=(0.06, 0.06)), tolerance=1e-9).state)
+        products.append(len(counter.products))
+    assert products[0] < 0.95 * products[1]
+    assert np.abs(states[0].load - states[1].load).max() < 1e-6 * np.abs(states[1].load).max()
 
 
 @pytest.mark.parametrize("periodic", [False, True])

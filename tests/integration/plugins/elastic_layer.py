@@ -4,9 +4,9 @@ Waves t^ exp(i k m.x) of the surface load cause waves u^ = Y(k, m) t^ / k of the
 interpolate the load, so the reduced system multiplies each wave by its 5 x 5 block.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, TypeVar, final
+from typing import Any, Final, TypeVar, final
 
 import numpy as np
 import scipy.fft
@@ -17,6 +17,7 @@ from meeframe.plugin import (
     ApproximateInverse,
     Array,
     Body,
+    BoundaryCondition,
     CaseError,
     Coarsening,
     FieldScaling,
@@ -252,7 +253,22 @@ class ElasticLayer(Formulation):
         return grid.reshape(-1, 3), (len(x), len(y)), (float(widths[0].mean()), float(widths[1].mean()))
 
 
+def uniform_load(_: ElasticLayer) -> Mapping[str, Any]:
+    """Return a layer and its exact solution under a uniform load, as arguments of check_formulation."""
+    from meeframe.testing import block_mesh, create, library_material
+    from meeframe.testing.manufactured import LinearField
+
+    stiffness, thickness = library_material("orthotropic-mee").stiffness, 0.01
+    gradient = LinearField.random(stiffness, seed=3).gradient * [0.0, 0.0, 1.0]
+    field = LinearField(stiffness, gradient, np.array([1e-5, -2e-5, 3e-5, 4.0, 5e-3]))
+    base = field.values(np.array([[0.0, 0.0, -thickness]]))[0]
+    conditions = tuple(BoundaryCondition("base", number, "value", float(value)) for number, value in enumerate(base))
+    mesh = block_mesh(0.115, thickness, 0.03, (33, 36), 1, 1, create("element", "quad4"))
+    return {"body": Body(stiffness, mesh, conditions, "contact"), "field": field, "tolerance": 1e-9, "asymmetry": 1e-9}
+
+
 @hookimpl
 def meeframe_formulations() -> list[Record]:
     """Register the formulation."""
-    return [Record("elastic-layer", ElasticLayer, "layer on a rigid base by Fourier transforms", "notes on layers")]
+    summary = "layer on a rigid base by Fourier transforms"
+    return [Record("elastic-layer", ElasticLayer, summary, "notes on layers", uniform_load)]

@@ -69,6 +69,14 @@ def test_new_module_works_as_local_file(packages, kind):
 
 
 @pytest.mark.full
+@pytest.mark.parametrize("kind", KINDS)
+def test_new_module_conforms(packages, kind):
+    status, out, _ = invoke("plugins", "check", packages / kind / f"meeframe_new_{kind.replace('-', '_')}.py")
+    assert status == 0, out
+    assert out.endswith(": conforms\n")
+
+
+@pytest.mark.full
 def test_elements_unknown_to_vtk_are_written_by_their_corners(packages, tmp_path):
     module = packages / "element" / "meeframe_new_element.py"
     case = packages / "element" / "example.toml"
