@@ -25,15 +25,14 @@ def run(
     with console.exit_status(console.NOT_CONVERGED, f"nothing was written to {out}"):
         with console.loading():
             from meeframe.model.threads import limited
+            from meeframe.results.overview import overviews
             from meeframe.results.records import RunStatus
-            from meeframe.results.selection import overviews
             from meeframe.results.summary import AT_BOUNDARY, summary_table
-            from meeframe.study.run import MAX_HELD
             from meeframe.study.run import run as run_case
 
             registry = console.registry(plugin)
         with limited(threads), console.progress() as progress:
-            result = run_case(case, out, overwrite, progress, MAX_HELD, registry)
+            result = run_case(case, out, overwrite, progress, held=False, registry=registry)
         output = console.stdout()
         output.print(summary_table(result, width=output.width))
         if any(step.contact_at_zone_boundary for step in overviews(result)):

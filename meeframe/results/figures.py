@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import ResultError
-from meeframe.common.memoize import memoize_by_identity
 from meeframe.fields import Array
 from meeframe.results import schema
 from meeframe.results.canvas import (
@@ -24,13 +23,14 @@ from meeframe.results.canvas import (
     sheet,
     styled,
 )
-from meeframe.results.history import history, name_of
+from meeframe.results.history import history
 from meeframe.results.output import FORMATS, in_all_formats, remove_files, replacing
+from meeframe.results.overview import peaks
 from meeframe.results.picture import Picture
 from meeframe.results.records import Region, Result, StepResult, Zone
 from meeframe.results.resultants import resultants
 from meeframe.results.schema import NodalField
-from meeframe.results.selection import Which, select
+from meeframe.results.selection import Which, name_of, select
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,7 +70,7 @@ def figures(result: Result, which: Which = None) -> "dict[str, Figure]":
         drawn[field.name] = sheet(_MAP_SIZE)
         draw_map(drawn[field.name].subplots(), result, field.name, step, title)
     drawn["sections"] = _sections(result, step, title)
-    if has_friction(result):
+    if peaks(result).friction:
         drawn["stick_slip"] = sheet((_MAP_SIZE[0], _MAP_SIZE[1] + 0.3))
         draw_stick_slip(drawn["stick_slip"].subplots(), result, step, title)
     past = history(result)
@@ -128,11 +128,6 @@ def write_figures(result: Result, folder: Path, which: Which = None, suffix: str
     return paths
 
 
-def has_friction(result: Result) -> bool:
-    """Return whether friction acts in any increment: tangential tractions or nodes that stick."""
-    return any(step.traction[:, :2].any() or (step.region == Region.STICK).any() for step in result.steps)
-
-
 def shown_fields(result: Result, step: StepResult) -> list[NodalField]:
     """Return the pressure, and the other fields with maps that are not zero throughout."""
     fields = schema.nodal(schema.View.MAP, step.fields).values()
@@ -142,17 +137,7 @@ def shown_fields(result: Result, step: StepResult) -> list[NodalField]:
 def nodal_values(result: Result, field: NodalField, step: StepResult) -> Array:
     """Return the values of a nodal field, with round-off as zero: it is small against other increments."""
     values = field.values(result.zone, step)
-    return np.where(np.abs(values) > _ROUND_OFF * _peaks(result)[field.name], values, 0.0)
-
-
-@memoize_by_identity
-def _peaks(result: Result) -> dict[str, float]:
-    """Return the largest moduli of all nodal fields over all increments, by name."""
-    peaks: dict[str, float] = {}
-    for step in result.steps:
-        for field in schema.nodal_fields(step.fields):
-            peaks[field.name] = max(peaks.get(field.name, 0.0), np.abs(field.values(result.zone, step)).max())
-    return peaks
+    return np.where(np.abs(values) > _ROUND_OFF * peaks(result).values[field.name], values, 0.0)
 
 
 def title_of(result: Result, step: StepResult) -> str:

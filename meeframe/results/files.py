@@ -39,7 +39,6 @@ from meeframe.results.records import (
     RunStatus,
     SecondSurface,
     StepResult,
-    StoredSteps,
     Zone,
     ZoneFields,
 )
@@ -102,15 +101,12 @@ class ResultWriter:
             increments.mkdir(exist_ok=True)
         except OSError as error:
             raise ResultError(f"folder {increments} cannot be written: {error.strerror or error}") from None
-        # reports of increments that are read again need the fields on the boundary, whether or not result.h5 holds them
-        reads_boundary = isinstance(self.result.steps, StoredSteps)
-        written = {*self.fields, BOUNDARY} if reads_boundary and self.fields is not None else self.fields
-        if isinstance(step.boundary, NodalFields) and not self._has_boundary and _includes_boundary(written):
+        if isinstance(step.boundary, NodalFields) and not self._has_boundary and _includes_boundary(self.fields):
             with replacing(increments / _BOUNDARY_FILE) as path, changed_file(path, "w") as file:
                 _put_boundary_mesh(file, step.boundary)
             self._has_boundary = True
         with replacing(self._path(self.count + 1)) as path, changed_file(path, "w") as file:
-            _put_step(file, self.result.zone, step, written)
+            _put_step(file, self.result.zone, step, self.fields)
         if self.count == 0:
             self._write_links()
         self.count += 1
@@ -128,17 +124,13 @@ class ResultWriter:
                     earlier.copy(earlier["zone"], file, "zone")
             else:
                 _put_zone(file, self.result.zone)
-            stores_boundary = _includes_boundary(self.fields)
-            if self._has_boundary and stores_boundary:
+            if self._has_boundary:
                 with h5py.File(self.folder / INCREMENTS / _BOUNDARY_FILE, "r") as source:
                     source.copy(source["/"], file, "boundary")
             steps = file.create_group("steps")
             for number in range(1, self.count + 1):
                 with h5py.File(self._path(number), "r") as source:
                     source.copy(source["/"], steps, _name(number))
-                if not stores_boundary:
-                    steps[_name(number)].attrs.pop(BOUNDARY, None)
-                    steps[_name(number)].pop(BOUNDARY, None)
             result = ended()
             _put_end(file, result)
         shutil.rmtree(self.folder / INCREMENTS, ignore_errors=True)
@@ -206,28 +198,10 @@ def read_result(folder: str | Path) -> Result:
         return _read(file)
 
 
-def stored_steps(folder: Path, zone: Zone, numbers: Collection[int] | None = None) -> Iterator[StepResult]:
-    """Yield increments of a run of this process, whose zone is given, from its folder, in order.
-
-    numbers: of the increments, from 0; by default all. Others are read only if slips are restored from them.
-    """
+def stored_steps(folder: Path, zone: Zone) -> Iterator[StepResult]:
+    """Yield the increments of a run of this process, whose zone is given, from its folder, in order."""
     with _reading(folder), h5py.File(folder / RESULT_FILE, "r") as file:
-        if numbers is None:
-            yield from _get_steps(file, zone)
-            return
-        names = [f"steps/{_name(number + 1)}" for number in sorted(numbers)]
-        if all(_holds_slips(file[name]) for name in names):
-            start = np.zeros((len(zone.points), 2)), np.zeros(len(zone.points))
-            yield from (_get_step(file, file[name], zone, *start) for name in names)
-        else:
-            yield from (step for number, step in enumerate(_get_steps(file, zone)) if number in numbers)
-
-
-def _holds_slips(group: Any) -> bool:
-    """Return whether the group of an increment holds its slips."""
-    zero = text_of(group, "zero").split()
-    slips = (field.name for field in schema.NODAL_FIELDS if field.stored is StorageCondition.WITH_FRICTION)
-    return all(name in group or name in zero for name in slips)
+        yield from _get_steps(file, zone)
 
 
 @contextmanager

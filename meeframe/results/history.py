@@ -1,6 +1,6 @@
 """Curves of a run with several increments: forces, area, total fluxes and energy dissipated by friction."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.contact.problem import Status
-from meeframe.fields import MEE, Array, FieldSet
+from meeframe.fields import Array, FieldSet
 from meeframe.results.canvas import (
     CONSTANT_RANGE,
     LINE_COLOURS,
@@ -21,10 +21,8 @@ from meeframe.results.canvas import (
     sheet,
     styled,
 )
-from meeframe.results.records import Overview, Result, StepResult, Zone
-from meeframe.results.resultants import resultants
-from meeframe.results.schema import rolling_totals
-from meeframe.results.selection import Increments, overviews
+from meeframe.results.overview import FLUX_MODULI, digests, fields_of
+from meeframe.results.records import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,6 +32,16 @@ _ZERO_RATIO: Final = 1e-6
 """Motion or force that counts as zero, as a fraction of that along the other axis, or of the normal force."""
 _ROUND_OFF: Final = 1e-12
 """Total flux over capacity that counts as zero."""
+_SHOWN: Final = (
+    "approach",
+    "translation",
+    "normal_force",
+    "tangential_force",
+    "contact_area",
+    "stick_area",
+    "dissipated_energy",
+    "worn_volume",
+)
 _MODULUS: Final = "modulus of "
 """Prefix of the integral of the modulus of a flux."""
 _WIDTH: Final = 5.6
@@ -45,12 +53,6 @@ _RING: Final = 7.5
 _MAX_FULL_SIZE: Final = 60
 _MIN_SCALE: Final = 0.3
 """Largest number of increments with markers of full size; smallest size of those of longer histories."""
-
-
-def name_of(result: Increments, step: StepResult | Overview) -> str:
-    """Return an increment in words: 'step 2', or 'step 2, increment 5' where the step has several."""
-    several = any(other.step == step.step and other.increment > 1 for other in overviews(result))
-    return f"step {step.step}, increment {step.increment}" if several else f"step {step.step}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +71,7 @@ class Curve:
 
 def curves(result: Result) -> list[Curve]:
     """Return the curves of the converged increments; those of absent phenomena are left out."""
-    table, fields = _Table(result), result.steps[0].fields if result.steps else MEE
+    table, fields = _Table(result), fields_of(result)
     if len(table) < 2:
         return []
     approach, forces = table["approach"], table["normal_force"]
@@ -106,10 +108,10 @@ class _Table:
     def __init__(self, result: Result) -> None:
         rows: list[Array] = []
         self._columns: dict[str, slice] = {}
-        for step in result.steps:
-            if step.status is not Status.CONVERGED:
+        for digest in digests(result):
+            if digest["status"] != Status.CONVERGED:
                 continue
-            entries = {name: np.atleast_1d(value) for name, value in _numbers_of(result.zone, step)}
+            entries = {name: np.atleast_1d(value) for name, value in _numbers_of(digest, fields_of(result))}
             if not rows:
                 ends = np.cumsum([len(entry) for entry in entries.values()]).tolist()
                 self._columns = {
@@ -125,16 +127,14 @@ class _Table:
         return self._rows[:, self._columns[name]]
 
 
-def _numbers_of(zone: Zone, step: StepResult) -> Iterator[tuple[str, Any]]:
+def _numbers_of(digest: Mapping[str, Any], fields: FieldSet) -> Iterator[tuple[str, Any]]:
     """Yield the numbers of an increment that curves show, and their names."""
-    totals, rolling = resultants(zone, step), rolling_totals(zone, step)
-    yield from (("approach", step.loading.approach), ("translation", step.loading.translation))
-    for name in ("normal_force", "tangential_force", "contact_area", "stick_area", "dissipated_energy", "worn_volume"):
-        yield name, getattr(totals, name)
-    for column, scalar in enumerate(step.fields.scalars):
-        yield scalar.resultant, totals.scalars[scalar.resultant]
-        yield _MODULUS + scalar.resultant, zone.weights @ np.abs(step.fluxes[:, column])
-        yield scalar.value_name, step.loading.scalars[scalar.value_name]
+    yield from ((name, digest[name]) for name in _SHOWN)
+    for scalar, modulus in zip(fields.scalars, digest[FLUX_MODULI], strict=True):
+        yield scalar.resultant, digest[scalar.resultant]
+        yield _MODULUS + scalar.resultant, modulus
+        yield scalar.value_name, digest[scalar.value_name]
+    rolling = digest["rolling"] or {}
     for name, components in (("rolled_distance", 1), ("creep_force", 2), ("creepage", 2)):
         yield name, rolling.get(name, np.full(components, np.nan))
 

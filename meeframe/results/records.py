@@ -1,9 +1,9 @@
 """Frozen records of a result, which are written to and read from the result file and used by all reports."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
-from typing import Final, NamedTuple, final, overload
+from typing import Final, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -315,55 +315,6 @@ class StepResult:
         return ContactState(load, displacement, self.contact_fraction)
 
 
-class Overview(NamedTuple):
-    """Numbers of an increment that reports need of all increments: see StepResult and Resultants."""
-
-    step: int
-    increment: int
-    status: Status
-    message: str
-    contact_at_zone_boundary: bool
-    duration: float | None
-    normal_force: float
-    dissipated_energy: float
-
-
-@final
-class StoredSteps(Sequence[StepResult]):
-    """Increments of a run that are read from its folder whenever they are asked for: only overviews stay in memory.
-
-    Parameters
-    ----------
-    read : callable
-        Returns an iterator over increments in order: those of the given numbers, from 0, or all with None.
-    """
-
-    def __init__(self, read: Callable[[Collection[int] | None], Iterator[StepResult]]) -> None:
-        self._read = read
-        self.overviews: list[Overview] = []
-
-    def __len__(self) -> int:
-        return len(self.overviews)
-
-    def __iter__(self) -> Iterator[StepResult]:
-        return self._read(None)
-
-    @overload
-    def __getitem__(self, index: int) -> StepResult: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[StepResult, ...]: ...
-    def __getitem__(self, index: int | slice) -> StepResult | tuple[StepResult, ...]:
-        numbers = range(len(self))[index]  # IndexError if there is none
-        if isinstance(numbers, range):
-            steps = tuple(self.chosen(numbers))
-            return steps if numbers.step > 0 else steps[::-1]
-        return next(self.chosen([numbers]))
-
-    def chosen(self, numbers: Collection[int]) -> Iterator[StepResult]:
-        """Return an iterator over the increments of these numbers, from 0, in order."""
-        return self._read(numbers)
-
-
 @dataclass(frozen=True)
 class Provenance:
     """Provenance of a result.
@@ -399,7 +350,7 @@ class Result:
     planned_steps : int
         Number of increments of the case.
     steps : sequence of StepResult
-        Finished increments, in order: a tuple, or StoredSteps.
+        Finished increments, in order: a tuple, or StoredSteps of meeframe.results.overview.
     timings : dict of str to float
         Seconds by stage.
     peak_memory_mb : float
@@ -421,8 +372,8 @@ class Result:
     @property
     def status(self) -> RunStatus:
         """Status of the run, CONVERGED only if every planned increment converged."""
-        steps = self.steps.overviews if isinstance(self.steps, StoredSteps) else self.steps
-        if any(step.status is not Status.CONVERGED for step in steps):
+        # overviews are in memory even where the increments are not
+        if any(step.status is not Status.CONVERGED for step in getattr(self.steps, "overviews", self.steps)):
             return RunStatus.NOT_CONVERGED
         return RunStatus.CONVERGED if len(self.steps) == self.planned_steps else RunStatus.UNFINISHED
 

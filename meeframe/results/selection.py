@@ -1,14 +1,13 @@
 """Choice of an increment of a result."""
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import groupby
-from typing import Final, Protocol
-
-import numpy as np
+from typing import Final, final
 
 from meeframe.common.errors import ResultError
-from meeframe.results.records import Overview, StepResult, StoredSteps, Zone
-from meeframe.results.resultants import resultants
+from meeframe.results.overview import Increments, Overview, overviews
+from meeframe.results.records import StepResult
 
 Which = int | tuple[int, int] | str | StepResult | None
 """Increment of a result, see `select`."""
@@ -21,38 +20,58 @@ _PEAK: Final = 1e-3
 """Relative difference of normal forces that count as the same peak load."""
 
 
-class Increments(Protocol):
-    """Result, or any other record with the finished increments of a case."""
+@final
+class PeakLoad:
+    """The largest normal force of increments that pass."""
+
+    def __init__(self) -> None:
+        self._largest = -1.0
+
+    def reached(self, force: float) -> bool:
+        """Return whether an increment with this normal force is, of those so far, the one with the peak load.
+
+        It is the last one whose force is within `_PEAK` of the largest. Forces that are not finite are less than zero.
+        """
+        size = abs(force) if math.isfinite(force) else -1.0
+        self._largest = max(self._largest, size)
+        return size >= self._largest - _PEAK * abs(self._largest)
+
+
+@final
+class Choice:
+    """Choice of an increment while increments pass, as by `select`; the peak load if there is none of this name.
+
+    Only the increments that may be the chosen one stay in memory.
+
+    Parameters
+    ----------
+    which : str
+        Name of the increment as in `[output] step`.
+    """
+
+    def __init__(self, which: str) -> None:
+        self._last, self._numbers = which == "last", step_numbers(which)
+        self._peak_load = PeakLoad()
+        self._peak: StepResult | None = None
+        self._named: StepResult | None = None
+
+    def add(self, step: StepResult, one: Overview) -> None:
+        """Consider one more increment, with its overview."""
+        if self._peak_load.reached(one.normal_force):
+            self._peak = step
+        if self._last or (self._numbers and self._numbers == one[: len(self._numbers)]):
+            self._named = step
 
     @property
-    def zone(self) -> Zone:
-        """Nodes of the contact zone."""
-
-    @property
-    def steps(self) -> Sequence[StepResult]:
-        """Finished increments, in order."""
+    def step(self) -> StepResult | None:
+        """The chosen increment of those so far, None before the first one."""
+        return self._peak if self._named is None else self._named
 
 
-def overview(zone: Zone, step: StepResult) -> Overview:
-    """Return the overview of an increment."""
-    totals = resultants(zone, step)
-    return Overview(
-        step.step,
-        step.increment,
-        step.status,
-        step.message,
-        step.contact_at_zone_boundary,
-        step.loading.duration,
-        totals.normal_force,
-        totals.dissipated_energy,
-    )
-
-
-def overviews(result: Increments) -> Sequence[Overview]:
-    """Return the overviews of all increments, which are in memory even if the increments are not."""
-    if isinstance(result.steps, StoredSteps):
-        return result.steps.overviews
-    return [overview(result.zone, step) for step in result.steps]
+def name_of(result: Increments, step: StepResult | Overview) -> str:
+    """Return an increment in words: 'step 2', or 'step 2, increment 5' where the step has several."""
+    several = any(other.step == step.step and other.increment > 1 for other in overviews(result))
+    return f"step {step.step}, increment {step.increment}" if several else f"step {step.step}"
 
 
 def select(result: Increments, which: Which = None) -> StepResult:
@@ -72,19 +91,22 @@ def select(result: Increments, which: Which = None) -> StepResult:
     ResultError
         If there is no such increment; the message names those that exist.
     """
-    if isinstance(which, StepResult):
-        return which
+    return which if isinstance(which, StepResult) else result.steps[number_of(result, which)]
+
+
+def number_of(result: Increments, which: Which = None) -> int:
+    """Return the number of an increment of a result, from 0; as `select`."""
     if not result.steps:
         raise ResultError("no increment of the run is finished")
-    return result.steps[position(overviews(result), which)]
+    numbers = (which.step, which.increment) if isinstance(which, StepResult) else which
+    return position(overviews(result), numbers)
 
 
 def position(steps: Sequence[Overview], which: int | tuple[int, int] | str | None = None) -> int:
     """Return the number of an increment from 0, as in `select`; there is at least one increment."""
     if which is None or which == "peak":
-        forces = np.array([abs(step.normal_force) for step in steps])
-        forces[~np.isfinite(forces)] = -1.0
-        return int(np.flatnonzero(forces >= forces.max() - _PEAK * abs(forces.max()))[-1])
+        peak_load = PeakLoad()
+        return [number for number, step in enumerate(steps) if peak_load.reached(step.normal_force)][-1]
     if which == "last":
         return len(steps) - 1
     numbers = step_numbers(which)

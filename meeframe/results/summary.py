@@ -13,22 +13,13 @@ from rich.text import Text
 
 from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
-from meeframe.fields import MEE, Array, FieldSet
+from meeframe.fields import Array, FieldSet
 from meeframe.indenters.base import RIGID_MOTIONS, IndenterMotions
 from meeframe.results import schema
-from meeframe.results.balance import Unbalance, balanced_names, unbalance
-from meeframe.results.history import name_of
-from meeframe.results.records import (
-    Overview,
-    Result,
-    RunStatus,
-    StepResult,
-    StoredSteps,
-    Zone,
-    join_sentences,
-    sentences_of,
-)
-from meeframe.results.selection import Which, overviews, position, select
+from meeframe.results.balance import balanced_names
+from meeframe.results.overview import FLUX_MODULI, Overview, digests, fields_of, overviews
+from meeframe.results.records import Result, RunStatus, join_sentences, sentences_of
+from meeframe.results.selection import Which, name_of, number_of, position
 
 AT_BOUNDARY: Final = (
     "the contact reaches the boundary of its zone and is cut off there: forces and areas are inaccurate"
@@ -39,6 +30,8 @@ _COLUMN_WIDTH: Final = 15
 _MIN_COLUMNS: Final = 3
 """Smallest number of increments that a table may show: the first, the peak load and the last."""
 _Row = tuple[str, str, list[Any]]
+_Entry = Mapping[str, Any]
+"""Digest of an increment."""
 
 _ROUND_OFF: Final = 1e-9
 """Fraction of the largest component of a vector below which a component is shown as zero, as in figures."""
@@ -52,15 +45,15 @@ def summary(result: Result) -> dict[str, Any]:
 
     Numbers that are not finite become None.
     """
-    return _run(result) | {"steps": [_plain(_step(result.zone, step)) for step in result.steps]}
+    return _run(result) | {"steps": list(_entries(result))}
 
 
 def summary_json(result: Result) -> Iterator[str]:
     """Yield the text of summary.json, increment by increment: the whole of a long history takes much memory."""
     yield _json(_run(result) | {"steps": []}).removesuffix("[]\n}") + "["
     separator = "\n"
-    for step in result.steps:
-        yield separator + indent(_json(_plain(_step(result.zone, step))), "    ")
+    for entry in _entries(result):
+        yield separator + indent(_json(entry), "    ")
         separator = ",\n"
     yield "]\n}\n" if separator == "\n" else "\n  ]\n}\n"
 
@@ -87,29 +80,10 @@ def _run(result: Result) -> dict[str, Any]:
     return plain
 
 
-def _step(zone: Zone, step: StepResult) -> dict[str, Any]:
-    totals, balance = schema.totals(zone, step), unbalance(step.boundary, step.fluxes)
-    loading = step.loading
-    return {
-        "step": step.step,
-        "increment": step.increment,
-        **{name: getattr(loading, name) for name in IndenterMotions(step.fields).motions},
-        "prescribed": dict(loading.prescribed),
-        "duration": loading.duration,
-        **totals,
-        "rolling": schema.rolling_totals(zone, step) or None,
-        "contact_at_zone_boundary": step.contact_at_zone_boundary,
-        "unbalance": None if balance is None else _unbalance(balance, step.fields),
-        "iterations": step.iterations,
-        "residual": step.residual,
-        "status": str(step.status),
-        "message": step.message,
-    }
-
-
-def _unbalance(balance: Unbalance, fields: FieldSet) -> dict[str, Any]:
-    totals = {scalar.resultant: total for scalar, total in zip(fields.scalars, balance.fluxes.tolist(), strict=True)}
-    return {"force": balance.force, **totals, "relative": balance.relative}
+def _entries(result: Result) -> Iterator[dict[str, Any]]:
+    """Yield the entries of all increments."""
+    for digest in digests(result):
+        yield {name: _plain(value) for name, value in digest.items() if name != FLUX_MODULI}
 
 
 def _load_steps(result: Result) -> list[dict[str, Any]]:
@@ -144,35 +118,31 @@ def summary_table(result: Result, which: Sequence[Which] = (), width: int = 120)
     table = LiteralTable(result.provenance.title)
     table.add_column("")
     table.add_column("unit")
-    shown = [select(result, one) for one in which] or _ends_and_peak(result, (width - _LABEL_WIDTH) // _COLUMN_WIDTH)
-    for step in shown:
-        table.add_column(name_of(result, step), justify="right")
-    totals, energies = [schema.totals(result.zone, step) for step in shown], _dissipated(result)
-    for total, step in zip(totals, shown, strict=True):
-        total[_ENERGY] = energies[step.step]
+    numbers = [number_of(result, one) for one in which] or _ends_and_peak(
+        result, (width - _LABEL_WIDTH) // _COLUMN_WIDTH
+    )
+    shown, names = list(digests(result, numbers)), [overviews(result)[number] for number in numbers]
+    for one in names:
+        table.add_column(name_of(result, one), justify="right")
+    fields, energies = fields_of(result), _dissipated(result)
     rows: list[_Row] = [
-        ("approach", "m", [step.loading.approach for step in shown]),
-        *_motions(shown, totals),
-        *_totals(totals, shown[0].fields if shown else MEE),
-        *_rolling(result, shown),
-        *_unbalances(shown),
+        ("approach", "m", [entry["approach"] for entry in shown]),
+        *_motions(shown, fields),
+        *_totals([{**entry, _ENERGY: energies[entry["step"]]} for entry in shown], fields),
+        *_rolling(shown),
+        *_unbalances(shown, fields),
         *_durations(result, shown),
-        ("iterations", "", [step.iterations for step in shown]),
-        ("residual", "", [step.residual for step in shown]),
-        ("status", "", [str(step.status) for step in shown]),
+        *((name, "", [entry[name] for entry in shown]) for name in ("iterations", "residual", "status")),
     ]
     for label, unit, values in rows:
         table.add_row(label, unit, *(f"{value:.6g}" if isinstance(value, float) else str(value) for value in values))
-    numbers = {(step.step, step.increment) for step in shown}
     reporting = [
-        step
-        for step in overviews(result)
-        if step.message and (step[:2] in numbers or step.status is not Status.CONVERGED)
+        one for one in overviews(result) if one.message and (one in names or one.status is not Status.CONVERGED)
     ]
-    return Group(table, *_omission(result, shown, which), *_messages(result, reporting), _headline(result))
+    return Group(table, *_omission(result, names, which), *_messages(result, reporting), _headline(result))
 
 
-def _omission(result: Result, shown: list[StepResult], which: Sequence[Which]) -> Iterator[Text]:
+def _omission(result: Result, shown: Sequence[Overview], which: Sequence[Which]) -> Iterator[Text]:
     """Yield a line on the load steps whose ends the table does not show."""
     count, n_shown = (len({step.step for step in steps}) for steps in (overviews(result), shown))
     if not which and n_shown < count:
@@ -202,16 +172,16 @@ def _names(result: Result, steps: Sequence[Overview], reporting: Sequence[Overvi
     return f"{separator.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
 
 
-def _unbalances(shown: list[StepResult]) -> Iterator[_Row]:
+def _unbalances(shown: Sequence[_Entry], fields: FieldSet) -> Iterator[_Row]:
     """Yield rows on the unbalance of the body, for closed boundaries whose fields are known."""
-    result = [unbalance(step.boundary, step.fluxes) for step in shown]
-    for number, name in enumerate(balanced_names(shown[0].fields) if shown else ()):
-        relative = [math.nan if one is None else float(one.relative[number]) for one in result]
+    for number, name in enumerate(balanced_names(fields)):
+        balances = (entry["unbalance"] for entry in shown)
+        relative = [math.nan if one is None else one["relative"][number] for one in balances]
         if any(value > 0.0 for value in relative):
             yield f"unbalanced {name}", "%", [100.0 * value if math.isfinite(value) else "-" for value in relative]
 
 
-def _totals(totals: list[dict[str, Any]], fields: FieldSet) -> Iterator[_Row]:
+def _totals(totals: Sequence[_Entry], fields: FieldSet) -> Iterator[_Row]:
     """Yield rows of the totals of present phenomena; the dissipated energy is that of the whole load step."""
     for row in schema.shown_totals(schema.View.SUMMARY, totals, fields):
         columns = np.array([np.atleast_1d(total[row.name]) for total in totals])
@@ -221,9 +191,9 @@ def _totals(totals: list[dict[str, Any]], fields: FieldSet) -> Iterator[_Row]:
             yield words, row.unit, columns[:, i].tolist()
 
 
-def _rolling(result: Result, shown: list[StepResult]) -> Iterator[_Row]:
+def _rolling(shown: Sequence[_Entry]) -> Iterator[_Row]:
     """Yield rows of the numbers of rolling, if the contact rolls in any of the increments."""
-    rolling = [schema.rolling_totals(result.zone, step) for step in shown]
+    rolling = [entry["rolling"] or {} for entry in shown]
     for row in schema.ROLLING_TOTALS if any(rolling) else ():
         values = np.array([np.broadcast_to(numbers.get(row.name, math.nan), len(row.names)) for numbers in rolling])
         values = without_round_off(values, np.abs(values[np.isfinite(values)]).max(initial=0.0))
@@ -238,21 +208,21 @@ def without_round_off(values: Array, largest: float) -> Array:
     return np.where(np.abs(values) < _ROUND_OFF * largest, 0.0, values)
 
 
-def _motions(shown: list[StepResult], totals: list[dict[str, Any]]) -> Iterator[_Row]:
+def _motions(shown: Sequence[_Entry], fields: FieldSet) -> Iterator[_Row]:
     """Yield rows of the indenter's motions that were free or are not zero, and of their moments.
 
     The approach is not among them.
     """
-    motions = IndenterMotions(shown[0].fields if shown else MEE)
+    motions = IndenterMotions(fields)
     for name, columns in list(motions.motions.items())[1:]:
-        free = any(motions.columns[key] == columns for step in shown for key in step.loading.prescribed)
-        values = [np.atleast_1d(getattr(step.loading, name)) for step in shown]
+        free = any(motions.columns[key] == columns for entry in shown for key in entry["prescribed"])
+        values = [np.atleast_1d(entry[name]) for entry in shown]
         if not free and not np.any(values):
             continue
         yield from _components(name + " of the indenter" * (name not in RIGID_MOTIONS), motions.units[name], values)
         if name in _ABOUT:
             about = _ABOUT[name]
-            yield from _components(about, motions.units[about], [np.atleast_1d(total[about]) for total in totals])
+            yield from _components(about, motions.units[about], [np.atleast_1d(entry[about]) for entry in shown])
 
 
 def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:
@@ -263,8 +233,8 @@ def _components(name: str, unit: str, values: list[Any]) -> Iterator[_Row]:
         yield word, unit, columns[:, i].tolist()
 
 
-def _ends_and_peak(result: Result, columns: int) -> list[StepResult]:
-    """Return the last increment of each load step so far, and that of the peak load.
+def _ends_and_peak(result: Result, columns: int) -> list[int]:
+    """Return the numbers of the last increment of each load step so far, and of that of the peak load, from 0.
 
     If there are more than fit into the columns, these are spread evenly from the first to the last.
     """
@@ -276,21 +246,20 @@ def _ends_and_peak(result: Result, columns: int) -> list[StepResult]:
     columns = max(columns, _MIN_COLUMNS)
     if len(numbers) > columns:
         numbers = np.union1d(numbers[np.linspace(0, len(numbers) - 1, columns - 1).astype(int)], peak)
-    steps = result.steps
-    return list(steps.chosen(numbers.tolist())) if isinstance(steps, StoredSteps) else [steps[i] for i in numbers]
+    return [int(number) for number in numbers]
 
 
-def _durations(result: Result, shown: list[StepResult]) -> list[tuple[str, str, list[Any]]]:
+def _durations(result: Result, shown: Sequence[_Entry]) -> list[_Row]:
     """Return the row of the time that the finished increments of each load step took.
 
     There is none unless a step has a duration.
     """
-    if all(end.loading.duration is None for end in shown):
+    if all(end["duration"] is None for end in shown):
         return []
     times: dict[int, float] = {}
     for step in overviews(result):
         times[step.step] = times.get(step.step, 0.0) + (step.duration or math.nan)
-    sums = [times[end.step] for end in shown]
+    sums = [times[end["step"]] for end in shown]
     return [("duration", "s", [total if math.isfinite(total) else "-" for total in sums])]
 
 

@@ -7,9 +7,10 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.common.errors import ResultError
-from meeframe.fields import MEE, Array, FieldSet, ScalarField
+from meeframe.fields import Array, FieldSet, ScalarField
 from meeframe.indenters.base import IndenterMotions
 from meeframe.results import schema
+from meeframe.results.overview import fields_of
 from meeframe.results.records import Region, Result, StepResult, Zone
 
 _ROTATIONS: Final = {"tilt": "moment", "twist": "torque"}
@@ -45,7 +46,7 @@ def dataframe(result: Result) -> Any:
     fields that are zero throughout are left out.
     """
     pandas = library("pandas", "data")
-    fields = result.steps[0].fields if result.steps else MEE
+    fields = fields_of(result)
     totals = [_totals(result.zone, step) for step in result.steps]
     columns = _columns(totals, fields)
     absent = _absent_scalars(result, columns, fields)
@@ -167,7 +168,7 @@ def dataset(result: Result) -> Any:
     """
     xarray = library("xarray", "data")
     zone, steps = result.zone, result.steps
-    fields = steps[0].fields if steps else MEE
+    fields = fields_of(result)
     grid = _grid(zone)
     coordinates: dict[str, Any]
     dimensions: tuple[str, ...]

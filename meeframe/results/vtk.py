@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,46 +24,78 @@ _COINCIDENCE_TOLERANCE: Final = 1e-9
 
 
 def write_fields(folder: Path, result: Result) -> None:
-    """Write fields.vtu, and for several load steps fields.pvd with the series of all of them.
+    """Write fields.vtu and fields.pvd of a result, as FieldsWriter. Raises ResultError as FieldsWriter.finish."""
+    writer = FieldsWriter(folder, result.zone)
+    for step in result.steps:
+        writer.add(step)
+    writer.finish()
+
+
+@final
+class FieldsWriter:
+    """Writer of fields.vtu, and for several load steps of fields.pvd with the series of all of them.
 
     fields.vtu holds the boundary fields of the last finished step, SI units, global axes. The region and the slip of
     the contact zone are included; elsewhere the region is 0 and the slip NaN. The file of each load step of the series
-    is in the folder fields.series, and its time is the number of increments until then.
+    is in the folder fields.series, and its time is the number of increments until then. It is written when the next one
+    passes.
 
-    Raises ResultError if the result holds no boundary fields.
+    Parameters
+    ----------
+    folder : Path
+        Output folder.
+    zone : Zone
+        Contact zone.
     """
-    series, entries, last = folder / SERIES, [], None
-    for number, step in enumerate(result.steps, 1):
-        if step.boundary is None:
-            continue
-        if last is not None:  # a single step has no series
-            entries.append(_write_member(series, result, *last))
-        last = number, step
-    if last is None:
-        raise ResultError(
-            "the result holds no fields on the whole boundary; with [output] fields in the case file, name 'boundary'"
-        )
-    with replacing(folder / FIELDS_FILE) as path:
-        _write(path, result, last[1])
-    if not entries:
-        return
-    entries.append(_write_member(series, result, *last))
-    with replacing(folder / SERIES_FILE) as path:
-        path.write_text(
-            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1"><Collection>\n'
-            + "\n".join(entries)
-            + "\n</Collection></VTKFile>\n",
-            encoding="utf-8",
-        )
 
+    def __init__(self, folder: Path, zone: Zone) -> None:
+        self._folder, self._zone = folder, zone
+        self._count = 0
+        self._entries: list[str] = []
+        self._last: tuple[int, StepResult] | None = None
 
-def _write_member(series: Path, result: Result, number: int, step: StepResult) -> str:
-    """Write the file of an increment into the folder of a series, and return its entry in the series."""
-    series.mkdir(exist_ok=True)
-    name = f"{number:04d}.vtu"
-    with replacing(series / name) as path:
-        _write(path, result, step)
-    return f'<DataSet timestep="{number}" part="0" file="{SERIES}/{name}"/>'
+    def add(self, step: StepResult) -> None:
+        """Add one more increment. Raises ResultError if the file of an earlier one cannot be written."""
+        self._count += 1
+        if step.boundary is not None:
+            self._write_member()
+            self._last = self._count, step
+
+    def finish(self) -> None:
+        """Write fields.vtu and fields.pvd. Raises ResultError without boundary fields, or if it cannot be written."""
+        if self._last is None:
+            raise ResultError(
+                "the result holds no fields on the whole boundary; with [output] fields in the case file, name "
+                "'boundary'"
+            )
+        with replacing(self._folder / FIELDS_FILE) as path:
+            self._write(path, self._last[1])
+        if not self._entries:  # a single step has no series
+            return
+        self._write_member()
+        with replacing(self._folder / SERIES_FILE) as path:
+            path.write_text(
+                '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1"><Collection>\n'
+                + "\n".join(self._entries)
+                + "\n</Collection></VTKFile>\n",
+                encoding="utf-8",
+            )
+
+    def _write_member(self) -> None:
+        """Write the file of the last increment with boundary fields into the folder of the series."""
+        if self._last is None:
+            return
+        number, step = self._last
+        name = f"{number:04d}.vtu"
+        (self._folder / SERIES).mkdir(exist_ok=True)
+        with replacing(self._folder / SERIES / name) as path:
+            self._write(path, step)
+        self._entries.append(f'<DataSet timestep="{number}" part="0" file="{SERIES}/{name}"/>')
+
+    def _write(self, path: Path, step: StepResult) -> None:
+        boundary = step.boundary
+        assert boundary is not None
+        write_vtu(path, boundary.points, _supported(boundary.cells), _boundary_data(self._zone, step))
 
 
 def boundary_mesh(result: Result, step: StepResult) -> Any:
@@ -72,23 +104,17 @@ def boundary_mesh(result: Result, step: StepResult) -> Any:
 
     boundary = step.boundary
     assert boundary is not None
-    return meshio.Mesh(boundary.points, list(_supported(boundary.cells)), point_data=dict(_boundary_data(result, step)))
+    return meshio.Mesh(boundary.points, list(_supported(boundary.cells)), point_data=dict(_boundary_data(result.zone, step)))
 
 
-def _write(path: Path, result: Result, step: StepResult) -> None:
-    boundary = step.boundary
-    assert boundary is not None
-    write_vtu(path, boundary.points, _supported(boundary.cells), _boundary_data(result, step))
-
-
-def _boundary_data(result: Result, step: StepResult) -> Iterator[tuple[str, Array | Indices]]:
+def _boundary_data(zone: Zone, step: StepResult) -> Iterator[tuple[str, Array | Indices]]:
     """Yield the label and the values of each field at the points of the boundary."""
     boundary = step.boundary
     assert boundary is not None
     for field in schema.boundary_fields(step.fields):
         values = getattr(boundary, field.source)[:, field.columns]
         yield field.label, np.squeeze(values, axis=1 if field.is_scalar else ())
-    yield from _contact(result.zone, step, boundary)
+    yield from _contact(zone, step, boundary)
 
 
 def zone_mesh(result: Result, step: StepResult) -> Any:

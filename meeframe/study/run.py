@@ -5,7 +5,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Final
 
 from meeframe.common.errors import CaseError, MaterialError, MeshError
 from meeframe.model.case import Case
@@ -16,16 +15,14 @@ from meeframe.plugin.registry import Registry
 from meeframe.results.figures import write_figures
 from meeframe.results.files import ResultWriter, stored_steps
 from meeframe.results.output import RESULT_FILE, SUMMARY_FILE, clear_output, open_output, replacing
-from meeframe.results.records import StoredSteps, zone_of
+from meeframe.results.overview import StoredSteps, overview
+from meeframe.results.records import zone_of
 from meeframe.results.result import Interrupted, Result
 from meeframe.results.schema import loaded_fields
-from meeframe.results.selection import has_increment, overview
+from meeframe.results.selection import Choice
 from meeframe.results.summary import summary_json
-from meeframe.results.vtk import write_fields
+from meeframe.results.vtk import FieldsWriter
 from meeframe.system.reduced import Progress, silent
-
-MAX_HELD: Final = 100
-"""Largest number of increments that the command holds in memory; those of longer runs are read again for reports."""
 
 
 def run(
@@ -33,7 +30,7 @@ def run(
     out: str | Path,
     overwrite: bool = False,
     progress: Progress = silent,
-    held: int | None = None,
+    held: bool = True,
     registry: Registry | None = None,
 ) -> Result:
     """Solve a case and write its results into a folder.
@@ -53,8 +50,8 @@ def run(
     progress
         Called with the stage and the fraction of it that is done.
     held
-        Largest number of increments that stay in memory. Those of a case with more are read from the folder whenever
-        they are asked for, so that memory does not grow with their number. None for all.
+        Whether increments stay in memory. Otherwise they are read from the folder whenever they are asked for, so that
+        memory does not grow with their number; reports do not ask for them.
     registry
         Registry in which the names in a case file are looked up; by default the built-ins and the installed plugins.
 
@@ -106,7 +103,7 @@ def stored_fields(case: Case) -> frozenset[str]:
 class _Run:
     """One run into an output folder."""
 
-    def __init__(self, case: Case, folder: Path, clock: Clock, held: int | None) -> None:
+    def __init__(self, case: Case, folder: Path, clock: Clock, held: bool) -> None:
         self._case, self._folder, self._clock, self._held = case, folder, clock, held
         self._earlier = (folder / RESULT_FILE).is_file()
         self._cleared = False
@@ -132,10 +129,12 @@ class _Run:
     def _solve(self) -> Result:
         system = reduce(self._case, self._clock)
         result = Result(provenance(self._case), zone_of(system), self._case.n_increments)
-        if self._held is not None and result.planned_steps > self._held:
+        if not self._held:
             result = replace(result, steps=StoredSteps(partial(stored_steps, self._folder, result.zone)))
         self._result = result
         writer = ResultWriter(self._folder, result, stored_fields(self._case))
+        output = self._case.output
+        drawn, fields = Choice(output.step), FieldsWriter(self._folder, result.zone)
         try:
             for step in solve_steps(self._case, system, self._clock):
                 self._clock("writing", 0.0)
@@ -145,23 +144,25 @@ class _Run:
                 writer.append(step)
                 self._finished += 1
                 if isinstance(result.steps, StoredSteps):
-                    result.steps.overviews.append(overview(result.zone, step))
+                    result.steps.add(result.zone, step)
                 else:
                     self._result = result = replace(result, steps=(*result.steps, step))
-            self._write_reports(result)
+                if output.figures:
+                    drawn.add(step, overview(step, result.zone))
+                if output.vtu and step.boundary is not None:
+                    self._clock("fields", 0.0)
+                if output.vtu:
+                    fields.add(step)
+            if output.vtu:
+                self._clock("fields", 0.0)
+                fields.finish()
+            if output.figures:
+                self._clock("figures", 0.0)
+                write_figures(result, self._folder, drawn.step)
         finally:
             if result.steps:
                 result = self._finish(writer, result)
         return result
-
-    def _write_reports(self, result: Result) -> None:
-        if self._case.output.figures:
-            self._clock("figures", 0.0)
-            step = self._case.output.step
-            write_figures(result, self._folder, step if has_increment(result, step) else None)
-        if self._case.output.vtu:
-            self._clock("fields", 0.0)
-            write_fields(self._folder, result)
 
     def _finish(self, writer: ResultWriter, result: Result) -> Result:
         self._clock("writing", 0.0)

@@ -112,7 +112,7 @@ def run(number: int, folder: Path, gauge: Gauge) -> None:
         if stage == "writing":
             gauge.count()
 
-    result = study.run(history(number, folder), folder / "out", progress=count, held=study.MAX_HELD)
+    result = study.run(history(number, folder), folder / "out", progress=count, held=False)
     with (folder / "summary.txt").open("w") as file:
         Console(file=file).print(summary_table(result))
 

@@ -17,11 +17,10 @@ from meeframe.contact.problem import Status
 from meeframe.fields import MEE, Array, FieldSet
 from meeframe.results import schema
 from meeframe.results.canvas import label_panels, line_style, prefixed, sheet, styled
-from meeframe.results.history import name_of
 from meeframe.results.picture import lengths
 from meeframe.results.records import StepResult, Zone
 from meeframe.results.schema import NodalField, Total
-from meeframe.results.selection import has_increment, select
+from meeframe.results.selection import has_increment, name_of, select
 from meeframe.results.summary import without_round_off
 from meeframe.study.reports.study import middle_line
 

@@ -12,7 +12,8 @@ import meeframe
 from meeframe.contact.problem import Status
 from meeframe.results.figures import figures
 from meeframe.results.files import write_result
-from meeframe.results.selection import load_steps_in_words, select
+from meeframe.results.overview import overview
+from meeframe.results.selection import Choice, has_increment, load_steps_in_words, select
 from meeframe.results.vtk import write_fields
 
 
@@ -262,6 +263,26 @@ def test_no_stick_and_slip_without_friction(result):
 def test_failed_increments_are_not_selected_as_peak(result):
     broken = dataclasses.replace(result[2], traction=np.full_like(result[2].traction, np.nan), status=Status.DIVERGED)
     assert select(dataclasses.replace(result, steps=(*result[:2], broken, result[3]))) is result[1]
+
+
+@pytest.mark.parametrize("which", ["peak", "last", "1", "1.3", "2", "7"])
+def test_choice_of_passing_increments_agrees_with_select(synthetic, which):
+    """Among random loads are nearly equal ones, and some that are not finite."""
+    random = np.random.default_rng(5)
+    for _ in range(50):
+        loads = random.choice([1.0, 1.0004, 1.0008, 1.0012, 0.5, np.nan], 8) * 1e-6
+        steps = [synthetic.step(load, number=1 + i // 5, increment=1 + i % 5) for i, load in enumerate(loads)]
+        result, choice = synthetic.result(*steps), Choice(which)
+        for step in steps:
+            choice.add(step, overview(step, result.zone))
+        assert choice.step is select(result, which if has_increment(result, which) else "peak")
+
+
+def test_peak_load_is_the_last_one_near_the_largest(synthetic):
+    """A load that is near the largest one so far, but not near that of all increments, is not the peak load."""
+    loads = [1.0, 2.0, 1.999, 1.9979, 0.1, 2.0015, 2.0001, 1.0]
+    result = synthetic.result(*(synthetic.step(1e-6 * load, number=i) for i, load in enumerate(loads, 1)))
+    assert select(result).step == 7
 
 
 @pytest.fixture(scope="module")

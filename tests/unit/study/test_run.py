@@ -1,6 +1,7 @@
 """Test runs into a folder: written files, rejected folders, interruptions."""
 
 import gc
+import io
 import json
 import time
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ from itertools import groupby
 import h5py
 import numpy as np
 import pytest
+from rich.console import Console
 
 import meeframe
 from meeframe.common.errors import CaseError, MaterialError, MeshError, ResultError
@@ -21,6 +23,7 @@ from meeframe.results.figures import write_figures
 from meeframe.results.files import write_result
 from meeframe.results.output import RESULT_FILE, SERIES, output_files
 from meeframe.results.records import StepResult
+from meeframe.results.summary import summary_table
 from meeframe.study import run as run_module
 
 TWO_STEPS = '\n[[steps]]\napproach = "20 um"\n'
@@ -63,9 +66,9 @@ def test_figures_and_fields_are_optional(write_case, registry, tmp_path):
 
 
 @pytest.mark.parametrize("fields", [None, ()])
-def test_increments_read_from_the_folder_give_the_same_files(case, tmp_path, fields):
-    case = replace(case, output=replace(case.output, figures=False, fields=fields))
-    for name, held in (("memory", None), ("folder", 0)):
+def test_increments_in_memory_or_not_give_the_same_files(case, tmp_path, fields):
+    case = replace(case, output=replace(case.output, fields=fields))
+    for name, held in (("memory", True), ("folder", False)):
         run_module.run(case, tmp_path / name, held=held)
     written = {path.relative_to(tmp_path / "memory") for path in (tmp_path / "memory").rglob("*") if path.is_file()}
     for path in written:
@@ -74,7 +77,7 @@ def test_increments_read_from_the_folder_give_the_same_files(case, tmp_path, fie
             texts = [{**json.loads(text), "timings": {}, "peak_memory_mb": 0.0} for text in texts]
         if path.name != RESULT_FILE:
             assert texts[0] == texts[1], path
-    assert len(written) == 6
+    assert len(written) == 9
     for name in ("memory", "folder"):
         with h5py.File(tmp_path / name / RESULT_FILE, "r") as file:
             assert ("boundary" in file) == (fields is None), "the fields on the boundary are stored only if chosen"
@@ -97,7 +100,7 @@ def test_increments_do_not_stay_in_memory(write_case, registry, tmp_path, law, d
         load_case(write_case(more=steps), registry), contact_law=law, output=Output(figures=draws, vtu=False)
     )
     gc.collect()
-    result = run_module.run(case, tmp_path / "out", progress=count, held=0)
+    result = run_module.run(case, tmp_path / "out", progress=count, held=False)
     assert max(alive) - min(alive) <= 3, "that solved, that before, and that to start from"
     assert [step.increment for step in result.steps] == [1, *range(1, 9)]
     assert result.steps[-1].increment == result.steps[8].increment == 8
@@ -214,14 +217,19 @@ def test_body_too_large_for_memory_is_invalid_input(case, tmp_path, monkeypatch)
     assert not (tmp_path / "out").exists()
 
 
-def test_written_results_are_not_read_again(case, tmp_path, monkeypatch):
+@pytest.mark.parametrize("held", [True, False])
+def test_written_results_are_not_read_again(case, tmp_path, monkeypatch, held):
+    """A run, its figures, its series of fields and its table read none of the increments that it has written."""
+
     def refuse(*_):
         raise AssertionError
 
-    monkeypatch.setattr("meeframe.results.files.read_result", refuse)
-    monkeypatch.setattr("meeframe.results.files._read", refuse)
-    result = meeframe.run(case, tmp_path / "out")
+    for name in ("read_result", "_read", "_get_step"):
+        monkeypatch.setattr(f"meeframe.results.files.{name}", refuse)
+    result = run_module.run(case, tmp_path / "out", held=held)
+    Console(file=io.StringIO()).print(summary_table(result))
     monkeypatch.undo()
+    assert {"pressure.png", "history.png", "fields.pvd"} <= {path.name for path in (tmp_path / "out").iterdir()}
     assert len(meeframe.read_result(tmp_path / "out").steps) == len(result.steps) == 2
 
 
@@ -355,7 +363,8 @@ def test_times_are_assigned_to_stages(case, tmp_path, monkeypatch):
     assert {stage: seconds for stage, seconds in least.items() if timings[stage] < seconds} == {}
     first = stages.index("contact")
     increment = ["contact", "diagnostics", "boundary fields", "diagnostics", "writing"]
-    assert [stage for stage, _ in groupby(stages[first:])] == [*increment, *increment, "figures", "fields", "writing"]
+    step = [*increment, "fields"]
+    assert [stage for stage, _ in groupby(stages[first:])] == [*step, *step, "figures", "writing"]
 
 
 def slowed(function):
