@@ -24,6 +24,7 @@ from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.restart import Restart
 from meeframe.model.second_body import SecondBody
 from meeframe.model.step import Step
+from meeframe.plugin.validation import field_choices
 from meeframe.results.schema import optional_fields
 from meeframe.results.selection import ALLOWED, NAMED, step_numbers
 from meeframe.solvers import Auto, StoppingCriteria
@@ -56,7 +57,7 @@ class Output:
         allowed = optional_fields()
         for name in self.fields or ():
             if name not in allowed:
-                raise CaseError(f"fields: {name!r} is no optional field; allowed: {', '.join(allowed)}")
+                raise CaseError(f"fields: {name!r} is no optional field; {field_choices(name, allowed)}")
         if self.step not in NAMED and not step_numbers(self.step):
             raise CaseError(f"step: {self.step!r} is no increment; {ALLOWED}")
 

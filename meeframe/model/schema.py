@@ -57,7 +57,7 @@ from meeframe.model.values import (
     with_keys,
 )
 from meeframe.plugin.registry import CONTRACTS, registry_of
-from meeframe.plugin.validation import Problem, TableError, build, choices
+from meeframe.plugin.validation import Problem, TableError, build, choices, field_choices
 from meeframe.results.schema import optional_fields
 from meeframe.results.selection import ALLOWED, NAMED, load_steps_in_words, step_numbers
 from meeframe.solvers import StoppingCriteria
@@ -264,7 +264,7 @@ class OutputTable(Table):
         allowed = optional_fields()
         for number, name in enumerate(names or ()):
             if name not in allowed:
-                raise TableError(Problem((number,), f"is no optional field; allowed: {', '.join(allowed)}", name))
+                raise TableError(Problem((number,), f"is no optional field; {field_choices(name, allowed)}", name))
         return names
 
     @field_validator("step")

@@ -21,6 +21,7 @@ from pydantic import (
 
 from meeframe.common.arguments import most_similar
 from meeframe.common.errors import MAX_PROBLEMS, CaseError, MeeframeError, listed
+from meeframe.common.renamed import RENAMED, renaming
 from meeframe.fields import ELECTRIC_FIELD, THERMAL_FIELD
 from meeframe.fields.units import Quantity
 from meeframe.plugin.aliases import ALIASES, names_for
@@ -41,8 +42,6 @@ _HEAT: Final = {
     for attribute in ("name", "value_name", "flux_name", "resultant")
 }
 """Keys of the temperature, which tables of bodies without heat lack, and of the electric field in the same tables."""
-RENAMED_KEYS: Final = {"counter_body": "second_body", "reaches_edge": "contact_at_zone_boundary"}
-"""Keys and quantities of earlier versions and their present names."""
 
 # texts for errors of pydantic whose messages use terms of Python instead of TOML
 _TEXTS = {
@@ -287,8 +286,6 @@ def _problems(item: Any, model: type[BaseModel], other_keys: tuple[str, ...], su
 
 def _unknown_key(location: tuple[str | int, ...], model: type[BaseModel], other_keys: tuple[str, ...]) -> str:
     """Return the message for an unknown key: its new name if it was renamed, else the allowed keys."""
-    if location[-1] in RENAMED_KEYS:
-        return f"unknown key; it is now called {RENAMED_KEYS[str(location[-1])]!r}"
     current = _model_in(_hint_at(location[:-1], model))
     fields = {} if current is None else current.model_fields
     keys = [*(field.alias or key for key, field in fields.items()), *other_keys]
@@ -306,8 +303,8 @@ def choices(name: str, names: Collection[str]) -> str:
         Allowed names. Those for which `name` is another term, or that have it as a word, or else the most similar one,
         are suggested.
     """
-    if RENAMED_KEYS.get(str(name)) in names:
-        return f"it is now called {RENAMED_KEYS[str(name)]!r}"
+    if RENAMED.get(str(name)) in names:
+        return renaming(str(name))
     close = names_for(str(name), names) or [other for other in names if str(name) in other.split("-")]
     if not close:
         terms = [*names, *(term for term in ALIASES if names_for(term, names))]
@@ -318,6 +315,13 @@ def choices(name: str, names: Collection[str]) -> str:
     if _HEAT.get(str(name)) in names:
         hint = "it needs a material with thermal_conductivity; otherwise "
     return f"{hint}allowed: {', '.join(names) or 'none'}"
+
+
+def field_choices(name: str, names: Collection[str]) -> str:
+    """Return `choices` for an unknown name of a field; also the new name of one that cannot be chosen any more."""
+    if name in RENAMED and RENAMED[name] not in names:
+        return f"{renaming(name)}, which cannot be chosen here; allowed: {', '.join(names)}"
+    return choices(name, names)
 
 
 def _hint_at(location: tuple[str | int, ...], model: type[BaseModel]) -> Any:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.errors import ResultError
 from meeframe.fields import Array
+from meeframe.plugin.validation import choices
 from meeframe.results import schema
 from meeframe.results.canvas import (
     LINE_COLOURS,
@@ -210,7 +211,7 @@ def _field(name: str, step: StepResult) -> NodalField:
         field.name: field for field in schema.nodal_fields(step.fields) if not field.components and not field.integer
     }
     if name not in fields:
-        raise ResultError(f"unknown field {name!r}; allowed: {', '.join(fields)}")
+        raise ResultError(f"unknown field {name!r}; {choices(name, tuple(fields))}")
     return fields[name]
 
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from meeframe.common.errors import ResultError
 from meeframe.common.hdf5 import MAX_DEFLATE, open_hdf5
+from meeframe.common.renamed import RENAMED
 from meeframe.contact.problem import Status
 from meeframe.fields import MEE, Array, FieldSet, Indices, ScalarField
 from meeframe.indenters.base import N_RIGID, IndenterMotions, motion_modes
@@ -48,8 +49,8 @@ from meeframe.system.reduced import NodalFields
 FORMAT: Final = "meeframe-result 7"
 _READABLE: Final = frozenset({FORMAT, "meeframe-result 6"})
 """Formats that are read: in 6, grids hold their cells, and half spaces their fields twice."""
-_RENAMED: Final = {"meeframe-result 5": "reaches_edge is now called contact_at_zone_boundary"}
-"""Changes of names since earlier formats."""
+_EARLIER: Final = frozenset(f"meeframe-result {number}" for number in range(1, 6))
+"""Formats of earlier versions with other names."""
 
 _ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
 _STEP_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", "iterations"), "1")
@@ -191,7 +192,8 @@ def read_result(folder: str | Path) -> Result:
         version = file.attrs.get("format")
         if version not in _READABLE:
             again = ": run the case again, which is in its attribute 'case'" if "case" in file.attrs else ""
-            renamed = f"; {_RENAMED[version]}" if version in _RENAMED else ""
+            names = ", ".join(f"{old} is now called {new}" for old, new in RENAMED.items())
+            renamed = f"; {names}" if version in _EARLIER else ""
             raise ResultError(
                 f"{folder / RESULT_FILE}: format {version!r} is unknown; this version reads {FORMAT!r}{again}{renamed}"
             )

@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
-from typing import Final, final
+from typing import TYPE_CHECKING, Final, Never, final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from meeframe.common.renamed import renaming
 from meeframe.contact.problem import ContactState, Status
 from meeframe.fields import MECHANICAL, MEE, POTENTIALS, Array, FieldSet, Indices
 from meeframe.indenters.base import N_RIGID, RIGID_MOTIONS
@@ -282,6 +283,12 @@ class StepResult:
     area_fraction: Array | None = None
     contact_at_zone_boundary: bool = False
     fields: FieldSet = MEE
+
+    if not TYPE_CHECKING:  # type checkers know that other attributes do not exist
+
+        def __getattr__(self, name: str) -> Never:
+            hint = renaming(name)
+            raise AttributeError(f"StepResult has no attribute {name!r}{'; ' * bool(hint)}{hint}", name=name, obj=self)
 
     def __repr__(self) -> str:
         """Return words instead of long arrays."""

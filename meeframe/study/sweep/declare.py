@@ -12,7 +12,7 @@ from pydantic import Field, ValidationInfo, model_validator
 from meeframe.common.errors import CaseError
 from meeframe.fields import MEE, Array, FieldSet
 from meeframe.fields.units import read_quantity
-from meeframe.plugin.validation import choices
+from meeframe.plugin.validation import choices, field_choices
 from meeframe.results.sweep_files import NODE
 from meeframe.results.sweep_records import INCREMENT, POINT, SweepAxis
 from meeframe.study.declare import (
@@ -113,7 +113,10 @@ class SweepTable(Table):
             raise ValueError("nothing to run; give [axes], [[points]] or both")
         _check_axes(self.varied(), fields)
         _check_distinct("points", [run.label for run in self.points])
-        _check_names("fields: unknown field", self.fields, field_units(fields))
+        names = field_units(fields)
+        for name in self.fields:
+            if name not in names:
+                raise ValueError(f"fields: unknown field {name!r}; {field_choices(name, tuple(names))}")
         axes = self.result_axes()
         for number, plot in enumerate(self.plots, 1):
             try:

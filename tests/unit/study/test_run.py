@@ -1,8 +1,10 @@
 """Test runs into a folder: written files, rejected folders, interruptions."""
 
+import copy
 import gc
 import io
 import json
+import pickle
 import time
 from dataclasses import dataclass, replace
 from functools import wraps
@@ -286,6 +288,29 @@ def test_unknown_fields_are_rejected(write_case, registry):
         load_case(write_case(more='[output]\nfields = ["slips"]\n'), registry)
     with pytest.raises(CaseError, match=r"fields: 'slips'.*allowed: .*boundary"):
         Output(fields=("slips",))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("closed", "contact_fraction"), ("covered", "area_fraction"), ("counter", "second_body")]
+)
+def test_renamed_fields_are_reported_by_their_new_names(write_case, registry, synthetic, old, new):
+    for fails in (
+        lambda: load_case(write_case(more=f'[output]\nfields = ["{old}"]\n'), registry),
+        lambda: Output(fields=(old,)),
+    ):
+        with pytest.raises(
+            CaseError, match=rf"'{old}'.*it is now called '{new}', which cannot be chosen here; allowed:"
+        ):
+            fails()
+    with pytest.raises(AttributeError, match=rf"no attribute '{old}'; it is now called '{new}'$"):
+        getattr(synthetic.step(1e-6), old)
+
+
+def test_unknown_attributes_of_increments_are_named(synthetic):
+    step = synthetic.step(1e-6)
+    with pytest.raises(AttributeError, match=r"StepResult has no attribute 'pressures'$"):
+        step.pressures  # noqa: B018
+    assert copy.copy(step).step == pickle.loads(pickle.dumps(step)).step == 1
 
 
 @pytest.mark.full

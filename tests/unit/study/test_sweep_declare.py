@@ -172,6 +172,9 @@ WRONG = {
     "fields": (
         ("[axes]", 'fields = ["pressures"]\n[axes]'), "fields: unknown field 'pressures'; did you mean 'pressure'?"
     ),
+    "renamed field": (
+        ("[axes]", 'fields = ["closed"]\n[axes]'), "unknown field 'closed'; it is now called 'contact_fraction', "
+    ),
     "no case": (('case = "case.toml"', ""), "case: missing key"),
     "nul": (('"case.toml"', '"ca\\u0000se.toml"'), "case = 'ca\\x00se.toml': contains the character NUL"),
     "nul in a value": (("[0.0, 0.3, inf]", '["a\\u0000"]'), "axes.contact.law.mu: 'a\\x00' contains the character NUL"),
