@@ -71,7 +71,7 @@ def figures(result: Result, which: Which = None) -> "dict[str, Figure]":
         drawn[field.name] = sheet(_MAP_SIZE)
         draw_map(drawn[field.name].subplots(), result, field.name, step, title)
     drawn["sections"] = _sections(result, step, title)
-    if peaks(result).friction:
+    if schema.FRICTION in peaks(result).phenomena:
         drawn["stick_slip"] = sheet((_MAP_SIZE[0], _MAP_SIZE[1] + 0.3))
         draw_stick_slip(drawn["stick_slip"].subplots(), result, step, title)
     past = history(result)

@@ -52,10 +52,6 @@ _READABLE: Final = frozenset({FORMAT, "meeframe-result 6"})
 _EARLIER: Final = frozenset(f"meeframe-result {number}" for number in range(1, 6))
 """Formats of earlier versions with other names."""
 
-_ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
-_STEP_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", "iterations"), "1")
-_LOADING_UNITS: Final = {"reference": "m", "axes": "1"}
-_ROLLING_UNITS: Final = {"direction": "1", "creepage": "1", "spin": "1/m", "cell": "m", "distance": "m", "cycles": "1"}
 _MIN_COMPRESSED_BYTES: Final = 4096
 """Size in bytes below which arrays are not compressed."""
 _MAX_TRIED_BYTES: Final = 1 << 20
@@ -244,10 +240,10 @@ def _put_head(file: Any, result: Result) -> None:
 def _put_zone(file: Any, zone: Zone) -> None:
     group = file.create_group("zone")
     group.attrs["note"] = "frames: rows e1, e2, nu (outward normal); sum(weights * density) is a resultant"
-    arrays = {name: getattr(zone, name) for name in _ZONE_UNITS}
+    arrays = {name: getattr(zone, name) for name in schema.ZONE_UNITS}
     if shares_frame(zone.frames):
         arrays["frames"] = zone.frames[:1]
-    _put_all(group, _ZONE_UNITS, arrays)
+    _put_all(group, schema.ZONE_UNITS, arrays)
     _put_cells(group, zone.cells)
 
 
@@ -276,23 +272,18 @@ def _put_step(group: Any, zone: Zone, step: StepResult, fields: Collection[str] 
     rolls = step.loading.rolling is not None  # slips then do not follow from the motion of the indenter
     chosen = [field for field in schema.nodal_fields(step.fields) if _is_stored(field, fields, rolls)]
     _put_fields(group, chosen, {field.name: field.values(zone, step) for field in chosen})
-    _put_all(group, _STEP_UNITS, {name: getattr(step, name) for name in _STEP_UNITS})
+    _put_all(group, schema.INCREMENT_UNITS, {name: getattr(step, name) for name in schema.INCREMENT_UNITS})
     loading = group.create_group("loading")
-    units = {name: motions.units[name] for name in motions.motions} | _LOADING_UNITS
-    _put_all(loading, units, {name: getattr(step.loading, name) for name in units})
-    if step.loading.duration is not None:
-        _put_all(loading, {"duration": "s"}, {"duration": step.loading.duration})
-    if step.loading.travel.any():
-        _put_all(loading, {"travel": "m"}, {"travel": step.loading.travel})
+    units = {name: motions.units[name] for name in motions.motions} | schema.LOADING_UNITS
+    travel = step.loading.travel if step.loading.travel.any() else None
+    _put_all(loading, units, {name: getattr(step.loading, name) for name in units} | {"travel": travel})
     rolling, prescribed = step.loading.rolling, step.loading.prescribed
     if rolling is not None:
-        values = {name: getattr(rolling, name) for name in _ROLLING_UNITS}
-        _put_all(loading.create_group("rolling"), _ROLLING_UNITS, values)
+        values = {name: getattr(rolling, name) for name in schema.ROLLING_UNITS}
+        _put_all(loading.create_group("rolling"), schema.ROLLING_UNITS, values)
     _put_all(loading.create_group("prescribed"), {key: motions.units[key] for key in prescribed}, prescribed)
     units = {total.name: total.unit for total in schema.total_rows(step.fields)}
     _put_all(group.create_group("resultants"), units, schema.totals(zone, step))
-    if step.area_fraction is not None:
-        _put_all(group, {"area_fraction": "1"}, {"area_fraction": step.area_fraction})
     if step.second_body is not None:
         surface_fields = _surface_fields(step.fields)
         values = {field.name: _column(getattr(step.second_body, field.attribute), field) for field in surface_fields}
@@ -333,8 +324,10 @@ def _put_fields(group: Any, fields: Sequence[NodalField], values: Mapping[str, A
 
 
 def _put_all(group: Any, units: Mapping[str, str], values: Mapping[str, Any]) -> None:
+    """Write arrays and numbers with their units, but for those that are None."""
     for name, unit in units.items():
-        _put(group, name, values[name]).attrs["units"] = unit
+        if values[name] is not None:
+            _put(group, name, values[name]).attrs["units"] = unit
 
 
 def _put(group: Any, name: str, values: Any) -> Any:

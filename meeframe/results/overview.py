@@ -47,18 +47,27 @@ class Overview(NamedTuple):
 
 @final
 class Peaks:
-    """Largest moduli of the nodal fields over increments, by name, and whether friction acts in any of them."""
+    """Largest moduli of the nodal fields over increments, by name, and their phenomena: see `schema.is_present`."""
 
     def __init__(self) -> None:
         self.values: dict[str, float] = {}
-        self.friction = False
+        self.phenomena: set[str] = set()
 
     def add(self, zone: Zone, step: StepResult) -> None:
-        """Include an increment: tangential tractions, or nodes that stick, are signs of friction."""
+        """Include an increment.
+
+        Scalar fields and wear are present if one of their fields is not zero, friction if there are tangential
+        tractions or nodes that stick, and slip if there is friction or wear.
+        """
         for field in schema.nodal_fields(step.fields):
             largest = float(np.abs(field.values(zone, step)).max())
             self.values[field.name] = max(self.values.get(field.name, 0.0), largest)
-        self.friction |= bool(step.traction[:, :2].any() or (step.region == Region.STICK).any())
+            if largest > 0.0 and field.phenomenon not in {schema.FRICTION, schema.SLIP}:  # smooth surfaces slip, too
+                self.phenomena.add(field.phenomenon)
+        if step.traction[:, :2].any() or (step.region == Region.STICK).any():
+            self.phenomena.add(schema.FRICTION)
+        if not self.phenomena.isdisjoint({schema.FRICTION, schema.WEAR}):
+            self.phenomena.add(schema.SLIP)
 
 
 @final

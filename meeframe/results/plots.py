@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from meeframe.common.errors import ResultError
-from meeframe.results import figures
+from meeframe.results import figures, schema
 from meeframe.results.canvas import on_axes
 from meeframe.results.history import curves, draw_curve, unloading
 from meeframe.results.overview import peaks
@@ -41,7 +41,7 @@ class Plots:
 
     def stick_slip(self, ax: Any = None, *, step: Which = None) -> Any:
         """Draw the regions of stick and slip. Raises ResultError for a case without friction."""
-        if not peaks(self.result).friction:
+        if schema.FRICTION not in peaks(self.result).phenomena:
             raise ResultError("the contact has no friction, and thus neither stick nor slip")
         return on_axes(ax, lambda axes: figures.draw_stick_slip(axes, self.result, step, self._title(step)))
 

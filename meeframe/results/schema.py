@@ -5,7 +5,7 @@ of these tables appears in all of them, except where `views` excludes it.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final
@@ -40,8 +40,9 @@ class View(StrEnum):
     SUMMARY = "summary"
 
 
-SCALARS: Final = MEE.scalars
-"""Scalar fields that every result holds; see `further_scalars`."""
+FRICTION: Final = "friction"
+SLIP: Final = "slip"
+WEAR: Final = "wear"
 EVERYWHERE: Final = frozenset(View)
 NOWHERE: Final[frozenset[View]] = frozenset()
 
@@ -66,6 +67,8 @@ class NodalField:
         Attribute of StepResult, and column of it, that a result file restores from it; "" if it follows from others.
     integer
         True if its values are integers.
+    phenomenon
+        See `is_present`.
     """
 
     name: str
@@ -78,6 +81,7 @@ class NodalField:
     attribute: str = ""
     column: int | None = None
     integer: bool = False
+    phenomenon: str = ""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -95,6 +99,7 @@ def _state(
     attribute: str = "",
     column: int | None = None,
     integer: bool = False,
+    phenomenon: str = "",
 ) -> NodalField:
     """Return the field of an attribute of StepResult, by default the one of the same name, or of one column."""
     source = attribute or name
@@ -103,15 +108,23 @@ def _state(
         array: Array = getattr(step, source)
         return array if column is None else array[:, column]
 
-    return NodalField(name, unit, label, values, components, stored, views, source, column, integer)
+    return NodalField(name, unit, label, values, components, stored, views, source, column, integer, phenomenon)
 
 
-def _scalars(
-    names: Iterable[tuple[str, str]], attribute: str, views: frozenset[View], first: int = 0
-) -> Iterator[NodalField]:
-    """Yield a nodal field for each scalar field, from its name and unit; first: column of the first one."""
-    for column, (name, unit) in enumerate(names, first):
-        yield _state(name, unit, name.replace("_", " "), views=views, attribute=attribute, column=column)
+def _scalar_fields(fields: FieldSet) -> Iterator[NodalField]:
+    """Yield the potentials and the fluxes of scalar fields, which are columns of the attributes of StepResult."""
+    for column, scalar in enumerate(fields.scalars):
+        names, views = (scalar.value_name, scalar.value_unit), _NUMERIC | {View.MAP}
+        yield _of_scalar(scalar, *names, "potentials", column, views)
+    for column, scalar in enumerate(fields.scalars):
+        yield _of_scalar(scalar, scalar.flux_name, scalar.flux_unit, "fluxes", column, NOWHERE)
+
+
+def _of_scalar(
+    scalar: ScalarField, name: str, unit: str, attribute: str, column: int, views: frozenset[View]
+) -> NodalField:
+    label = name.replace("_", " ")
+    return _state(name, unit, label, views=views, attribute=attribute, column=column, phenomenon=scalar.name)
 
 
 def _pressure(_: Zone, step: StepResult) -> Array:
@@ -126,7 +139,7 @@ def _tangential(zone: Zone, step: StepResult) -> Array:
 
 _NUMERIC: Final = frozenset({View.STUDY, View.SWEEP, View.COMPARISON})
 
-NODAL_FIELDS: tuple[NodalField, ...] = (
+TRACTION_FIELDS: Final[tuple[NodalField, ...]] = (
     NodalField("pressure", "Pa", "contact pressure", _pressure, views=_NUMERIC | {View.MAP}),
     NodalField("traction_x", "Pa", "traction x", lambda zone, step: _tangential(zone, step)[:, 0], views=_NUMERIC),
     NodalField("traction_y", "Pa", "traction y", lambda zone, step: _tangential(zone, step)[:, 1], views=_NUMERIC),
@@ -140,45 +153,46 @@ NODAL_FIELDS: tuple[NodalField, ...] = (
         lambda _, step: (step.region == Region.STICK).astype(float),
         views=frozenset({View.STUDY, View.SWEEP}),
     ),
-    *_scalars(((scalar.value_name, scalar.value_unit) for scalar in SCALARS), "potentials", _NUMERIC | {View.MAP}),
-    *_scalars(((scalar.flux_name, scalar.flux_unit) for scalar in SCALARS), "fluxes", NOWHERE),
+)
+"""Fields that follow from tractions and regions.
+
+These are the pressure, the tractions on the body along global x1 and x2, and stick 1 or 0.
+"""
+
+NODAL_FIELDS: tuple[NodalField, ...] = (
     _state("initial_gap", "m", "initial gap"),
     NodalField("gap", "m", "gap", lambda _, step: step.gap, views=NOWHERE),
     _state("traction", "Pa", "traction", 3),
     _state("displacement", "m", "displacement", 3),
     _state("contact_fraction", "1", "contact fraction"),
-    _state("wear", "m", "worn depth", views=frozenset({View.MAP, View.VTK, View.STUDY, View.COMPARISON})),
-    _state("dissipation", "J/m^2", "dissipation"),
+    _state(
+        "wear",
+        "m",
+        "worn depth",
+        views=frozenset({View.MAP, View.VTK, View.STUDY, View.COMPARISON}),
+        phenomenon=WEAR,
+    ),
+    _state("dissipation", "J/m^2", "dissipation", phenomenon=FRICTION),
     _state("region", "1", "region", views=frozenset({View.VTK}), integer=True),
-    _state("slip", "m", "slip", 2, StorageCondition.WITH_FRICTION, frozenset({View.VTK})),
-    _state("total_slip", "m", "total slip", 2, StorageCondition.WITH_FRICTION, frozenset({View.VTK})),
-    _state("slip_path", "m", "slip path", stored=StorageCondition.WITH_FRICTION),
+    _state("slip", "m", "slip", 2, StorageCondition.WITH_FRICTION, frozenset({View.VTK}), phenomenon=SLIP),
+    _state("total_slip", "m", "total slip", 2, StorageCondition.WITH_FRICTION, frozenset({View.VTK}), phenomenon=SLIP),
+    _state("slip_path", "m", "slip path", stored=StorageCondition.WITH_FRICTION, phenomenon=SLIP),
 )
-"""Fields on the contact zone.
+"""Further fields that do not belong to a scalar field, as in StepResult."""
 
-These are the pressure and the tractions on the body, along global x1 and x2 and along the zone's frames; stick 1 or 0;
-potentials of the body and outward fluxes; the others as in StepResult.
-"""
+ZONE_UNITS: Final = {"points": "m", "frames": "1", "weights": "m^2"}
+INCREMENT_UNITS: Final = dict.fromkeys(("step", "increment", "history", "residual", "iterations", "area_fraction"), "1")
+LOADING_UNITS: Final = {"reference": "m", "axes": "1", "duration": "s", "travel": "m"}
+ROLLING_UNITS: Final = {"direction": "1", "creepage": "1", "spin": "1/m", "cell": "m", "distance": "m", "cycles": "1"}
+"""Units of further attributes of Zone, StepResult, Loading and RollingMotion that result files hold, by name."""
 
 BOUNDARY: Final = "boundary"
 """Name in `[output] fields` for the fields on the whole boundary."""
 
 
-def further_scalars(fields: FieldSet) -> tuple[ScalarField, ...]:
-    """Return the scalar fields that a field set has besides SCALARS, which come first."""
-    return fields.scalars[len(SCALARS) :]
-
-
 def nodal_fields(fields: FieldSet = MEE) -> tuple[NodalField, ...]:
-    """Return NODAL_FIELDS and those of further scalar fields."""
-    further = further_scalars(fields)
-    potentials = ((scalar.value_name, scalar.value_unit) for scalar in further)
-    fluxes = ((scalar.flux_name, scalar.flux_unit) for scalar in further)
-    return (
-        *NODAL_FIELDS,
-        *_scalars(potentials, "potentials", _NUMERIC | {View.MAP}, len(SCALARS)),
-        *_scalars(fluxes, "fluxes", NOWHERE, len(SCALARS)),
-    )
+    """Return the fields on the contact zone, among them potential of the body and outward flux of each scalar field."""
+    return (*TRACTION_FIELDS, *_scalar_fields(fields), *NODAL_FIELDS)
 
 
 def nodal(view: View, fields: FieldSet = MEE) -> dict[str, NodalField]:
@@ -188,7 +202,7 @@ def nodal(view: View, fields: FieldSet = MEE) -> dict[str, NodalField]:
 
 def optional_fields() -> tuple[str, ...]:
     """Return the names that `[output] fields` may hold."""
-    return (*(field.name for field in NODAL_FIELDS if field.stored is not StorageCondition.ALWAYS), BOUNDARY)
+    return (*(field.name for field in nodal_fields() if field.stored is not StorageCondition.ALWAYS), BOUNDARY)
 
 
 def loaded_fields(friction: bool) -> frozenset[str]:
@@ -197,7 +211,7 @@ def loaded_fields(friction: bool) -> frozenset[str]:
     friction: whether the contact law resists slip, or the case continues a run whose law may have resisted it.
     """
     kinds = {StorageCondition.WITH_FRICTION} if friction else set()
-    return frozenset({field.name for field in NODAL_FIELDS if field.stored in kinds} | {BOUNDARY})
+    return frozenset({field.name for field in nodal_fields() if field.stored in kinds} | {BOUNDARY})
 
 
 @dataclass(frozen=True)
@@ -208,6 +222,7 @@ class BoundaryField:
     unit: str
     source: str
     columns: slice
+    phenomenon: str = ""
 
     @property
     def is_scalar(self) -> bool:
@@ -220,17 +235,19 @@ class BoundaryField:
         return f"{self.name.replace('_', ' ')} [{self.unit}]"
 
 
-def _boundary_fields(names: tuple[str, ...], units: tuple[str, ...], source: str) -> Iterator[BoundaryField]:
+def _boundary_fields(
+    fields: FieldSet, names: tuple[str, ...], units: tuple[str, ...], source: str
+) -> Iterator[BoundaryField]:
     yield BoundaryField(names[0].removesuffix("_1"), units[0], source, MECHANICAL)
-    for column in range(N_MECHANICAL, len(names)):
-        yield BoundaryField(names[column], units[column], source, slice(column, column + 1))
+    for column, scalar in enumerate(fields.scalars, N_MECHANICAL):
+        yield BoundaryField(names[column], units[column], source, slice(column, column + 1), scalar.name)
 
 
 def boundary_fields(fields: FieldSet = MEE) -> tuple[BoundaryField, ...]:
     """Return the fields on the whole boundary."""
     return (
-        *_boundary_fields(fields.value_names, fields.value_units, "values"),
-        *_boundary_fields(fields.flux_names, fields.flux_units, "fluxes"),
+        *_boundary_fields(fields, fields.value_names, fields.value_units, "values"),
+        *_boundary_fields(fields, fields.flux_names, fields.flux_units, "fluxes"),
     )
 
 
@@ -248,7 +265,7 @@ class Total:
         Function of the zone and an increment that returns the number, or an array of numbers; None for the entry of
         `resultants` under this name.
     phenomenon
-        Tables show the totals of a phenomenon only where one of them is not zero; those of "" always.
+        See `is_present`.
     views
         Tables that show it: files and sweeps hold every total.
     """
@@ -286,22 +303,25 @@ def _scalar_totals(scalar: ScalarField) -> Iterator[Total]:
     yield Total(name, scalar.value_unit, f"largest |{potential}|", phenomenon=scalar.name)
 
 
-TOTALS: tuple[Total, ...] = (
+FORCES: Final[tuple[Total, ...]] = (
     Total("force", "N", "force", _XYZ),
     Total("normal_force", "N", "normal force", views=NOWHERE),
     Total("tangential_force", "N", "tangential force", _IN_PLANE, views=NOWHERE),
     Total("moment", "N m", "moment", _IN_PLANE, views=NOWHERE),
     Total("torque", "N m", "torque", views=NOWHERE),
-    *(total for scalar in SCALARS for total in _scalar_totals(scalar)),
+)
+"""Resultants of the tractions; see `meeframe.results.resultants` for axes and signs."""
+
+TOTALS: tuple[Total, ...] = (
     Total("contact_area", "m^2", "contact area"),
-    Total("stick_area", "m^2", "sticking area", phenomenon="friction", views=_SUMMARY),
+    Total("stick_area", "m^2", "sticking area", phenomenon=FRICTION, views=_SUMMARY),
     Total("slip_area", "m^2", "slipping area", views=NOWHERE),
-    Total("dissipated_energy", "J", "dissipated energy", phenomenon="friction", views=_SUMMARY),
-    Total("worn_volume", "m^3", "worn volume", phenomenon="wear", views=_SUMMARY | {View.COMPARISON}),
+    Total("dissipated_energy", "J", "dissipated energy", phenomenon=FRICTION, views=_SUMMARY),
+    Total("worn_volume", "m^3", "worn volume", phenomenon=WEAR, views=_SUMMARY | {View.COMPARISON}),
     Total("max_pressure", "Pa", "largest pressure"),
     Total("max_tension", "Pa", "largest tension", phenomenon="attraction"),
 )
-"""Resultants and maxima of an increment; see `meeframe.results.records.resultants` for axes and signs."""
+"""Further numbers that do not belong to a scalar field."""
 
 
 def _motion(name: str) -> Callable[[Zone, StepResult], Any]:
@@ -309,8 +329,8 @@ def _motion(name: str) -> Callable[[Zone, StepResult], Any]:
 
 
 def total_rows(fields: FieldSet = MEE) -> tuple[Total, ...]:
-    """Return TOTALS and those of further scalar fields."""
-    return (*TOTALS, *(total for scalar in further_scalars(fields) for total in _scalar_totals(scalar)))
+    """Return resultants and maxima of an increment, among them those of each scalar field."""
+    return (*FORCES, *(total for scalar in fields.scalars for total in _scalar_totals(scalar)), *TOTALS)
 
 
 def motion_totals(fields: FieldSet = MEE) -> tuple[Total, ...]:
@@ -479,4 +499,12 @@ def shown_totals(view: View, values: Sequence[Mapping[str, Any]], fields: FieldS
     """Return the totals that a table shows for increments with these values, as of `totals`."""
     rows = total_rows(fields)
     there = {total.phenomenon for total in rows if any(np.any(each[total.name]) for each in values)}
-    return [total for total in rows if view in total.views and total.phenomenon in {"", *there}]
+    return [total for total in rows if view in total.views and is_present(total, there)]
+
+
+def is_present(row: NodalField | BoundaryField | Total, phenomena: Collection[str]) -> bool:
+    """Return whether a quantity belongs to one of the phenomena of a result.
+
+    They are scalar fields, by name, FRICTION, SLIP and WEAR; "" always is present.
+    """
+    return row.phenomenon in {"", *phenomena}

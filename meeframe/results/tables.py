@@ -1,6 +1,6 @@
 """Results as tables of pandas and datasets of xarray."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib import import_module
 from typing import Any, Final
 
@@ -10,24 +10,15 @@ from meeframe.common.errors import ResultError
 from meeframe.fields import Array, FieldSet, ScalarField
 from meeframe.indenters.base import IndenterMotions
 from meeframe.results import schema
-from meeframe.results.overview import fields_of
+from meeframe.results.overview import fields_of, peaks
 from meeframe.results.records import Region, Result, StepResult, Zone
 
 _ROTATIONS: Final = {"tilt": "moment", "twist": "torque"}
 """Motions, with their resultants, that tables show only where they are free or not zero."""
 _COORDINATE_TOLERANCE: Final = 1e-6
 """Distance of coordinates that count as the same, as a fraction of the extent of the zone."""
-_FURTHER: Final = (
-    "gap",
-    "displacement",
-    "traction",
-    "initial_gap",
-    "contact_fraction",
-    "wear",
-    "dissipation",
-    "region",
-)
-_SLIPS: Final = ("slip", "total_slip", "slip_path")
+_REPEATED: Final = ("tangential_traction", "stick")
+"""Nodal fields that repeat the tractions and the region."""
 _COMPONENTS: Final = ("e1", "e2", "nu")
 
 
@@ -50,7 +41,7 @@ def dataframe(result: Result) -> Any:
     totals = [_totals(result.zone, step) for step in result.steps]
     columns = _columns(totals, fields)
     absent = _absent_scalars(result, columns, fields)
-    hidden = _fixed_rotations(result, totals) | absent_names(columns, fields, absent)
+    hidden = _fixed_rotations(result, totals) | absent_names(columns, fields, absent) | _names_of_wear(result)
     table = pandas.DataFrame(
         [
             {"step": step.step, "increment": step.increment}
@@ -109,11 +100,15 @@ def _names(scalar: ScalarField, fields: FieldSet) -> list[str]:
 
 def _absent_scalars(result: Result, columns: Mapping[str, Array], fields: FieldSet) -> list[ScalarField]:
     """Return the absent scalar fields of a result, in which also the fluxes are zero at each node."""
-    return [
-        scalar
-        for scalar in absent_scalars(columns, fields)
-        if not any(step.fluxes[:, fields.scalars.index(scalar)].any() for step in result.steps)
-    ]
+    phenomena = peaks(result).phenomena
+    return [scalar for scalar in absent_scalars(columns, fields) if scalar.name not in phenomena]
+
+
+def _names_of_wear(result: Result) -> set[str]:
+    """Return the names of the totals of wear if there is none."""
+    phenomena = peaks(result).phenomena
+    wear = (row for row in schema.TOTALS if row.phenomenon == schema.WEAR)
+    return {name for row in wear if not schema.is_present(row, phenomena) for name in row.names}
 
 
 def _fixed_rotations(result: Result, totals: Sequence[Mapping[str, float]]) -> set[str]:
@@ -187,7 +182,8 @@ def dataset(result: Result) -> Any:
     columns = _columns([_totals(zone, step) for step in steps], fields)
     absent = _absent_scalars(result, columns, fields)
     variables: dict[str, Any] = {}
-    for field in _fields(fields, absent):
+    present = peaks(result).phenomena | {scalar.name for scalar in fields.scalars if scalar not in absent}
+    for field in _fields(fields, present):
         values = np.array([field.values(zone, step) for step in steps]).reshape(len(steps), len(order), *field.shape)
         across = {0: (), 2: ("tangent",), 3: ("component",)}[field.components]
         notes = {"units": field.unit, "long_name": field.label}
@@ -195,7 +191,7 @@ def dataset(result: Result) -> Any:
             notes["meaning"] = ", ".join(f"{region.value} {region.name.lower()}" for region in Region)
         variables[field.name] = ("increment", *dimensions, *across), nodal(values), notes
     variables["weights"] = dimensions, zone.weights[order].reshape(shape), {"units": "m^2", "long_name": "nodal area"}
-    hidden = absent_names(columns, fields, absent)
+    hidden = absent_names(columns, fields, absent) | _names_of_wear(result)
     for quantity in _quantities(fields):
         for name, label in zip(quantity.names, quantity.labels, strict=True):
             if name in hidden:
@@ -215,12 +211,13 @@ def dataset(result: Result) -> Any:
     return xarray.Dataset(variables, coordinates, {"title": result.provenance.title, "status": str(result.status)})
 
 
-def _fields(fields: FieldSet, absent: Sequence[ScalarField]) -> list[schema.NodalField]:
-    """Return the nodal fields of datasets: numbers, in SI units, that do not repeat each other."""
-    chosen = {"pressure", "traction_x", "traction_y", *_FURTHER, *_SLIPS}
-    present = (scalar for scalar in fields.scalars if scalar not in absent)
-    scalars = {name for scalar in present for name in (scalar.value_name, scalar.flux_name)}
-    return [field for field in schema.nodal_fields(fields) if field.name in chosen | scalars]
+def _fields(fields: FieldSet, phenomena: Collection[str]) -> list[schema.NodalField]:
+    """Return the nodal fields of datasets: numbers of present phenomena, in SI units, that do not repeat each other."""
+    return [
+        field
+        for field in schema.nodal_fields(fields)
+        if field.name not in _REPEATED and schema.is_present(field, phenomena)
+    ]
 
 
 def _grid(zone: Zone) -> tuple[Array, Array, Any] | None:

@@ -1,6 +1,6 @@
 """Fields on the whole boundary for ParaView."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, Final, final
 
@@ -14,6 +14,7 @@ from meeframe.mesh.nearby import close_point_pairs
 from meeframe.mesh.regular import Cells, GridCells, global_components
 from meeframe.results import schema
 from meeframe.results.output import FIELDS_FILE, SERIES, SERIES_FILE, replacing
+from meeframe.results.overview import peaks
 from meeframe.results.records import Result, StepResult, Zone, ZoneFields
 from meeframe.results.schema import NodalField
 from meeframe.results.vtu import VTK_CELLS, write_vtu
@@ -25,7 +26,7 @@ _COINCIDENCE_TOLERANCE: Final = 1e-9
 
 def write_fields(folder: Path, result: Result) -> None:
     """Write fields.vtu and fields.pvd of a result, as FieldsWriter. Raises ResultError as FieldsWriter.finish."""
-    writer = FieldsWriter(folder, result.zone)
+    writer = FieldsWriter(folder, result.zone, peaks(result).phenomena)
     for step in result.steps:
         writer.add(step)
     writer.finish()
@@ -35,10 +36,10 @@ def write_fields(folder: Path, result: Result) -> None:
 class FieldsWriter:
     """Writer of fields.vtu, and for several load steps of fields.pvd with the series of all of them.
 
-    fields.vtu holds the boundary fields of the last finished step, SI units, global axes. The region and the slip of
-    the contact zone are included; elsewhere the region is 0 and the slip NaN. The file of each load step of the series
-    is in the folder fields.series, and its time is the number of increments until then. It is written when the next one
-    passes.
+    fields.vtu holds the boundary fields of the last finished step, SI units, global axes. The region, the slip and the
+    worn depth of the contact zone are included; elsewhere the region is 0 and the others NaN. The file of each load
+    step of the series is in the folder fields.series, and its time is the number of increments until then. It is
+    written when the next one passes. Fields of absent phenomena are left out.
 
     Parameters
     ----------
@@ -46,10 +47,12 @@ class FieldsWriter:
         Output folder.
     zone : Zone
         Contact zone.
+    phenomena : collection of str
+        Phenomena of the increments; they may be added while increments pass.
     """
 
-    def __init__(self, folder: Path, zone: Zone) -> None:
-        self._folder, self._zone = folder, zone
+    def __init__(self, folder: Path, zone: Zone, phenomena: Collection[str]) -> None:
+        self._folder, self._zone, self._phenomena = folder, zone, phenomena
         self._count = 0
         self._entries: list[str] = []
         self._last: tuple[int, StepResult] | None = None
@@ -95,7 +98,7 @@ class FieldsWriter:
     def _write(self, path: Path, step: StepResult) -> None:
         boundary = step.boundary
         assert boundary is not None
-        write_vtu(path, boundary.points, _supported(boundary.cells), _boundary_data(self._zone, step))
+        write_vtu(path, boundary.points, _supported(boundary.cells), _boundary_data(self._zone, step, self._phenomena))
 
 
 def boundary_mesh(result: Result, step: StepResult) -> Any:
@@ -104,17 +107,22 @@ def boundary_mesh(result: Result, step: StepResult) -> Any:
 
     boundary = step.boundary
     assert boundary is not None
-    return meshio.Mesh(boundary.points, list(_supported(boundary.cells)), point_data=dict(_boundary_data(result.zone, step)))
+    data = dict(_boundary_data(result.zone, step, peaks(result).phenomena))
+    return meshio.Mesh(boundary.points, list(_supported(boundary.cells)), point_data=data)
 
 
-def _boundary_data(zone: Zone, step: StepResult) -> Iterator[tuple[str, Array | Indices]]:
-    """Yield the label and the values of each field at the points of the boundary."""
+def _boundary_data(zone: Zone, step: StepResult, phenomena: Collection[str]) -> Iterator[tuple[str, Array | Indices]]:
+    """Yield the label and the values of each field at the points of the boundary.
+
+    A scalar field that is absent from the contact zone may be present elsewhere.
+    """
     boundary = step.boundary
     assert boundary is not None
     for field in schema.boundary_fields(step.fields):
         values = getattr(boundary, field.source)[:, field.columns]
-        yield field.label, np.squeeze(values, axis=1 if field.is_scalar else ())
-    yield from _contact(zone, step, boundary)
+        if schema.is_present(field, phenomena) or values.any():
+            yield field.label, np.squeeze(values, axis=1 if field.is_scalar else ())
+    yield from _contact(zone, step, boundary, phenomena)
 
 
 def zone_mesh(result: Result, step: StepResult) -> Any:
@@ -122,7 +130,9 @@ def zone_mesh(result: Result, step: StepResult) -> Any:
     import meshio
 
     zone = result.zone
-    data = {_label(field): _global_values(zone, step, field) for field in schema.nodal_fields(step.fields)}
+    fields = schema.nodal_fields(step.fields)
+    present = (field for field in fields if schema.is_present(field, peaks(result).phenomena))
+    data = {_label(field): _global_values(zone, step, field) for field in present}
     return meshio.Mesh(zone.points, list(_supported(zone.cells)), point_data=data)
 
 
@@ -138,13 +148,17 @@ def _global_values(zone: Zone, step: StepResult, field: NodalField) -> Array:
     return values
 
 
-def _contact(zone: Zone, step: StepResult, boundary: NodalFields | ZoneFields) -> Iterator[tuple[str, Array | Indices]]:
+def _contact(
+    zone: Zone, step: StepResult, boundary: NodalFields | ZoneFields, phenomena: Collection[str]
+) -> Iterator[tuple[str, Array | Indices]]:
     """Yield labels and fields of the contact zone at the points of the boundary, vectors (p, 3) in global axes.
 
     Elsewhere whole numbers are zero, others NaN.
     """
     points, nodes = _matched(zone, boundary)
     for field in schema.nodal(schema.View.VTK, step.fields).values():
+        if not schema.is_present(field, phenomena):
+            continue
         values = _global_values(zone, step, field)
         shape = (len(boundary.points), *values.shape[1:])
         extended = np.zeros(shape, np.int64) if field.integer else np.full(shape, np.nan)

@@ -15,7 +15,7 @@ from meeframe.plugin.registry import Registry
 from meeframe.results.figures import write_figures
 from meeframe.results.files import ResultWriter, stored_steps
 from meeframe.results.output import RESULT_FILE, SUMMARY_FILE, clear_output, open_output, replacing
-from meeframe.results.overview import StoredSteps, overview
+from meeframe.results.overview import Peaks, StoredSteps, overview
 from meeframe.results.records import zone_of
 from meeframe.results.result import Interrupted, Result
 from meeframe.results.schema import loaded_fields
@@ -134,7 +134,8 @@ class _Run:
         self._result = result
         writer = ResultWriter(self._folder, result, stored_fields(self._case))
         output = self._case.output
-        drawn, fields = Choice(output.step), FieldsWriter(self._folder, result.zone)
+        peaks = result.steps.peaks if isinstance(result.steps, StoredSteps) else Peaks()
+        drawn, fields = Choice(output.step), FieldsWriter(self._folder, result.zone, peaks.phenomena)
         try:
             for step in solve_steps(self._case, system, self._clock):
                 self._clock("writing", 0.0)
@@ -146,6 +147,7 @@ class _Run:
                 if isinstance(result.steps, StoredSteps):
                     result.steps.add(result.zone, step)
                 else:
+                    peaks.add(result.zone, step)
                     self._result = result = replace(result, steps=(*result.steps, step))
                 if output.figures:
                     drawn.add(step, overview(step, result.zone))

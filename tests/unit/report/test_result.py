@@ -122,6 +122,29 @@ def test_absent_scalar_fields_are_left_out(result):
     assert "magnetic_conductance" in magnetic(changed(result, magnetic_potential=1.0))
 
 
+def test_absent_wear_and_friction_are_left_out(result):
+    """Columns of friction remain in tables, in which runs with and without it are compared."""
+    changes = {"wear": np.zeros(25), "dissipation": np.zeros(25)}
+    smooth = [
+        dataclasses.replace(step, traction=step.traction * [0, 0, 1], region=np.minimum(step.region, 1), **changes)
+        for step in result
+    ]
+    slips = {"slip", "total_slip", "slip_path"}
+    for shown, fields, columns in (
+        (smooth, set(), set()),
+        ([dataclasses.replace(step, wear=np.full(25, 1e-9)) for step in smooth], {"wear", *slips}, {"worn_volume"}),
+        ([dataclasses.replace(step, **changes) for step in result], {"dissipation", *slips}, set()),
+    ):
+        one = dataclasses.replace(result, steps=tuple(shown))
+        variables = set(one.to_xarray().variables)
+        assert variables & {"wear", "dissipation", *slips} == fields
+        for names in (variables, set(one.to_dataframe().columns)):
+            assert names & {"worn_volume", "dissipated_energy", "stick_area"} == columns | {
+                "dissipated_energy",
+                "stick_area",
+            }
+
+
 def test_dataset_of_a_grid_has_x_and_y(result):
     data = result.to_xarray()
     assert dict(data.sizes) == {"increment": 4, "x": 5, "y": 5, "component": 3, "tangent": 2}

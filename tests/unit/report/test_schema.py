@@ -89,15 +89,15 @@ def text(table):
 
 def test_schema_is_complete(synthetic):
     """Every array of an increment can be restored from its fields, and every resultant is a total."""
-    held = {row.attribute for row in schema.NODAL_FIELDS if row.attribute}
+    held = {row.attribute for row in schema.nodal_fields() if row.attribute}
     arrays = {name for name, value in vars(synthetic.step(1e-6)).items() if isinstance(value, np.ndarray)}
     assert held == arrays - {"history"}
     summed = resultants(synthetic.zone(), synthetic.step(1e-6))
-    assert {total.name for total in schema.TOTALS} == (vars(summed).keys() - {"scalars"}) | summed.scalars.keys()
+    assert {total.name for total in schema.total_rows()} == (vars(summed).keys() - {"scalars"}) | summed.scalars.keys()
     assert held <= {field.name for field in dataclasses.fields(StepResult)}
 
 
-@pytest.mark.parametrize("row", schema.NODAL_FIELDS, ids=lambda row: row.name)
+@pytest.mark.parametrize("row", schema.nodal_fields(), ids=lambda row: row.name)
 def test_fields_have_the_shapes_of_the_schema(synthetic, row):
     values = row.values(synthetic.zone(), synthetic.step(1e-6))
     assert values.shape == (25, *row.shape)
