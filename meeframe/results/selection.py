@@ -27,7 +27,7 @@ class PeakLoad:
     def __init__(self) -> None:
         self._largest = -1.0
 
-    def reached(self, force: float) -> bool:
+    def includes(self, force: float) -> bool:
         """Return whether an increment with this normal force is, of those so far, the one with the peak load.
 
         It is the last one whose force is within `_PEAK` of the largest. Forces that are not finite are less than zero.
@@ -57,7 +57,7 @@ class Choice:
 
     def add(self, step: StepResult, one: Overview) -> None:
         """Consider one more increment, with its overview."""
-        if self._peak_load.reached(one.normal_force):
+        if self._peak_load.includes(one.normal_force):
             self._peak = step
         if self._last or (self._numbers and self._numbers == one[: len(self._numbers)]):
             self._named = step
@@ -106,7 +106,7 @@ def position(steps: Sequence[Overview], which: int | tuple[int, int] | str | Non
     """Return the number of an increment from 0, as in `select`; there is at least one increment."""
     if which is None or which == "peak":
         peak_load = PeakLoad()
-        return [number for number, step in enumerate(steps) if peak_load.reached(step.normal_force)][-1]
+        return [number for number, step in enumerate(steps) if peak_load.includes(step.normal_force)][-1]
     if which == "last":
         return len(steps) - 1
     numbers = step_numbers(which)
