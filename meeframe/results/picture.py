@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.fields import Array, Indices
 from meeframe.mesh import local_frames
-from meeframe.mesh.regular import Cells, grid_shape
+from meeframe.mesh.regular import Cells, extreme_points, grid_shape
 from meeframe.results.canvas import MAP_COLOURS, prefixed
 from meeframe.results.records import Zone
 
@@ -31,7 +31,7 @@ MAX_SHADED_NODES: Final = 200_000
 
 def lengths(zones: Iterable[Zone]) -> tuple[float, str]:
     """Return the factor and unit of lengths along the axes of pictures of zones, measured from their middles."""
-    return prefixed(np.array([np.ptp(zone.points, axis=0) / 2 for zone in zones]), "m")
+    return prefixed(np.array([np.ptp(extreme_points(zone.points), axis=0) / 2 for zone in zones]), "m")
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +204,8 @@ class Picture:
 
 @memoize_by_identity
 def _picture(zone: Zone, scale: tuple[float, str]) -> Picture:
-    middle = (zone.points.min(axis=0) + zone.points.max(axis=0)) / 2
+    extremes = extreme_points(zone.points)
+    middle = (extremes.min(axis=0) + extremes.max(axis=0)) / 2
     normal = zone.frames[:, 2].mean(axis=0)
     axes = local_frames(normal[None] / np.linalg.norm(normal))[0, :2]
     points = (zone.points - middle) @ axes.T / scale[0]

@@ -161,7 +161,7 @@ def _contact(
             continue
         values = _global_values(zone, step, field)
         shape = (len(boundary.points), *values.shape[1:])
-        extended = np.zeros(shape, np.int64) if field.integer else np.full(shape, np.nan)
+        extended = np.zeros(shape, np.int8) if field.integer else np.full(shape, np.nan)
         extended[points] = values[nodes]
         yield _label(field), extended
 
