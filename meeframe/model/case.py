@@ -128,7 +128,7 @@ class Case(CaseData):
         _check_keys("potentials", self.potentials, [scalar.value_name for scalar in self.fields.scalars])
         check_contact_zone(self.mesh, self.zone)
         check_body(self.formulation, self.body)
-        check_memory(self.mesh, self.contact_law, self.channels)
+        check_memory(self.mesh, self.contact_law, self.channels, self.output.has_reports)
         self.formulation.check(self.body)
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
@@ -195,7 +195,7 @@ class Case(CaseData):
             return (
                 *preflight(kinematics),
                 *unused_potentials(kinematics),
-                *memory_warning(self.mesh, self.contact_law, self.channels),
+                *memory_warning(self.mesh, self.contact_law, self.channels, self.output.has_reports),
                 *coarse_zone(self.second_body, self.mesh, self.zone),
                 *unused_friction_heat(self.friction_heat, self.steps),
             )

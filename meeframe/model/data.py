@@ -53,6 +53,11 @@ class Output:
     fields: tuple[str, ...] | None = None
     step: str = "peak"
 
+    @property
+    def has_reports(self) -> bool:
+        """True if figures or fields for ParaView are written."""
+        return self.figures or self.vtu
+
     def __post_init__(self) -> None:
         allowed = optional_fields()
         for name in self.fields or ():

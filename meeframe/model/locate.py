@@ -115,7 +115,7 @@ def _case_checks(
     yield Problem(("title",), "", table.title), partial(check_title, table.title)
     zone = table.contact.zone
     laws = table.contact.law, flux_channels(*table.conductivity.laws.values(), fields=body.fields)
-    yield Problem(("mesh",), ""), partial(check_memory, body.mesh, *laws)
+    yield Problem(("mesh",), ""), partial(check_memory, body.mesh, *laws, table.output.figures or table.output.vtu)
     yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record
     yield Problem(("indenter",), ""), partial(check_indenter, table.indenter.named, placement, body.mesh, zone)

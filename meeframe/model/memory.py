@@ -22,26 +22,34 @@ of it is stored for nodes near the contact.
 """
 BYTES_PER_FLUX: Final = 240
 """Memory per node of each flux that the contact conducts, with friction."""
+BYTES_PER_NODE_OF_REPORTS: Final = 240
+"""Memory per node of figures and of fields for ParaView, which are made when that of fluxes is free again."""
 NOTICED_FRACTION: Final = 0.5
-"""Fraction of the memory of the machine above which the estimate is a warning."""
+"""Fraction of the usable memory above which the estimate is a warning."""
 
 
-def required_memory(nodes: int, law: ContactLaw, channels: Iterable[FluxChannel]) -> int:
+def required_memory(nodes: int, law: ContactLaw, channels: Iterable[FluxChannel], has_reports: bool = False) -> int:
     """Return the estimated memory of a run on a grid of so many nodes [bytes].
 
-    Friction loads two fields besides the pressure, and each conducting law one.
+    Friction loads two fields besides the pressure, and each conducting law one. has_reports: with figures or fields for
+    ParaView.
     """
     tangential = N_MECHANICAL - 1 if law.tangential_scaling().any() else 0
     fluxes = sum(channel.is_conducting for channel in channels)
-    return BASE_BYTES + nodes * (BYTES_PER_NODE + tangential * BYTES_PER_TANGENTIAL_FIELD + fluxes * BYTES_PER_FLUX)
+    reports = BYTES_PER_NODE_OF_REPORTS if has_reports else 0
+    return BASE_BYTES + nodes * (
+        BYTES_PER_NODE + tangential * BYTES_PER_TANGENTIAL_FIELD + max(fluxes * BYTES_PER_FLUX, reports)
+    )
 
 
-def check_memory(mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChannel]) -> None:
-    """Raise TooLargeError if a run on the grid of a half space needs more memory than the machine has."""
+def check_memory(
+    mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChannel], has_reports: bool = False
+) -> None:
+    """Raise TooLargeError if a run on the grid of a half space needs more memory than the process may use."""
     if mesh.grid is None:
         return
     nodes = mesh.grid[0] * mesh.grid[1]
-    required, available = required_memory(nodes, law, channels), usable_memory()
+    required, available = required_memory(nodes, law, channels, has_reports), usable_memory()
     if required > available:
         most = math.isqrt(max(available - BASE_BYTES, 0) * nodes // (required - BASE_BYTES))
         raise TooLargeError(
@@ -50,10 +58,13 @@ def check_memory(mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChan
         )
 
 
-def memory_warning(mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChannel]) -> Iterator[str]:
-    """Yield a warning if a run on the grid of a half space needs much of the memory of the machine."""
+def memory_warning(
+    mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChannel], has_reports: bool = False
+) -> Iterator[str]:
+    """Yield a warning if a run on the grid of a half space needs much of the memory that the process may use."""
     if mesh.grid is None:
         return
-    required, available = required_memory(mesh.grid[0] * mesh.grid[1], law, channels), usable_memory()
+    nodes = mesh.grid[0] * mesh.grid[1]
+    required, available = required_memory(nodes, law, channels, has_reports), usable_memory()
     if required > NOTICED_FRACTION * available:
         yield f"the run needs about {required / 1e9:.3g} GB of the {available / 1e9:.3g} GB that this process may use"

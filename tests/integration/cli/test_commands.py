@@ -110,7 +110,7 @@ def test_studies_warn_once_for_each_body(case_file, tmp_path, monkeypatch):
         assert status == 0
         warnings_printed = [line for line in err.splitlines() if line.startswith("warning: ")]
         widths = ("0.1", "0.12") if command[0] == "sweep" else ("0.1",)
-        assert [line.split("thickness of ")[1].split(" m:")[0] for line in warnings_printed] == list(widths)
+        assert [line.split("thickness of ")[1].split(" m, ")[0] for line in warnings_printed] == list(widths)
         assert len(calls) == len(widths)
         calls.clear()
 

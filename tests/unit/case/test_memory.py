@@ -72,8 +72,17 @@ def test_each_loaded_field_counts():
     assert with_both - with_charges == pytest.approx(with_charges - friction)
 
 
+def test_figures_and_fields_count_where_contact_needs_less():
+    law, conducting = StepConductivity(1.0), make(conductivity={"electric": StepConductivity(1.0)}).channels
+    assert required_memory(NODES, Signorini(), (), True) > required_memory(NODES, Signorini(), ())
+    both = make(conductivity={"electric": law, "magnetic": law}).channels
+    friction = IsotropicCoulomb(0.3)
+    assert required_memory(NODES, friction, both, True) == required_memory(NODES, friction, both)
+    assert required_memory(NODES, friction, conducting, True) < required_memory(NODES, friction, both)
+
+
 def test_a_case_that_exceeds_the_memory_is_refused(machine):
-    required = required_memory(NODES, IsotropicCoulomb(0.3), make().channels)
+    required = required_memory(NODES, IsotropicCoulomb(0.3), make().channels, has_reports=True)
     machine(required + 1)
     assert any("the run needs about" in text for text in make(contact_law=IsotropicCoulomb(0.3)).preflight)
     machine(required - 1)
