@@ -131,7 +131,10 @@ def _numbers(name: str, values: Any) -> Array:
 
 
 class SampledSurface(Protocol):
-    """An indenter that knows its heights on a grid, an optional method of indenters."""
+    """An indenter that knows its heights on a grid, an optional method of indenters.
+
+    Those that make their heights may have a property `grid_shape`, the numbers of points before they are made.
+    """
 
     def topography(self) -> HeightMap:
         """Return the surface on its grid, peaks up as they touch first."""

@@ -126,7 +126,9 @@ def _harmonic(surface: HeightMap, missing: Array) -> Array:
 def remove_outliers(surface: HeightMap, limit: float) -> HeightMap:
     """Return the map without heights that deviate too much from those around them.
 
-    A height is compared with the median of the means of opposite points in its neighbourhood of 5 x 5 points.
+    A height is compared with the median of the means of opposite points in its neighbourhood of 5 x 5 points. Inside
+    the map, single outliers are found, and clusters of up to five points. Of larger clusters a part remains, and good
+    points around them are removed.
 
     Parameters
     ----------

@@ -1,61 +1,41 @@
 """Schema of the study of a rough surface, and its cases; documented in docs/howto/rough.md."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final
 
 import numpy as np
-from pydantic import Field, Strict, ValidationError, model_validator
+from pydantic import Field, PlainValidator, Strict, ValidationError, model_validator
 
-from meeframe.common.errors import CaseError, listed
+from meeframe.common.errors import CaseError, TooLargeError, listed
+from meeframe.common.memory import usable_memory
+from meeframe.contact.feasibility import largest_pressures
 from meeframe.fields import ELECTRIC, NORMAL, Array
 from meeframe.fields.units import Quantity
 from meeframe.indenters.base import Indenter
 from meeframe.indenters.heights import SampledHeights
-from meeframe.indenters.topography import HeightMap, SurfaceStatistics, resample, topography_of
+from meeframe.indenters.topography import HeightMap, SurfaceStatistics, detrend, resample, topography_of
+from meeframe.indenters.topography.preparation import check_full
 from meeframe.material.half_space import mean_compliance
 from meeframe.material.material import Material
+from meeframe.mesh.generators import BYTES_PER_NODE
 from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.plugin.validation import Problem, TableError, problems_of
 from meeframe.study.declare import Table, Text
+from meeframe.study.rough.pressures import Choice, mean_pressures, read_choice
 
 FORMULATION: Final = "half-space"
 """Formulation of rough contact, of the package meeframe-halfspace."""
-DEFAULT_RANGE: Final = (0.01, 0.3)
-"""Mean pressures without a choice of the user, relative to the contact modulus times the root mean square slope."""
-DEFAULT_COUNT: Final = 8
-MAX_COUNT: Final = 10_000
-_MAX_PLANE_SLOPE: Final = 1e-9
-"""Slope without the mean plane, relative to that with it, of a plane."""
-
-Pressure = Annotated[float, Quantity("Pa", gt=0, lt=float("inf"))]
-
-
-class RangeTable(Table):
-    """Range of mean pressures: from, to and count with equal ratios, or equal differences for scale = "linear".
-
-    Attributes
-    ----------
-    from_, to
-        Ends of the range [Pa].
-    count
-        Number of pressures.
-    scale
-        Equal ratios or equal differences.
-    """
-
-    from_: Pressure = Field(alias="from")
-    to: Pressure
-    count: Annotated[int, Strict(), Field(ge=2, le=MAX_COUNT)] = DEFAULT_COUNT
-    scale: Literal["log", "linear"] = "log"
-
-    def values(self) -> tuple[float, ...]:
-        """Return the pressures [Pa]."""
-        spaced = np.geomspace if self.scale == "log" else np.linspace
-        return tuple(float(f"{value:.12g}") for value in spaced(self.from_, self.to, self.count))
+MAX_PLAUSIBLE_SLOPE: Final = 0.5
+"""Root mean square slope above which heights probably have another unit; theories and half spaces need small ones."""
+MAX_BORDER_RATIO: Final = 3.0
+"""Largest jump at the border of a period, relative to the largest difference of neighbours, without a warning."""
+_ROUND_OFF: Final = 100 * np.finfo(float).eps
+"""Round-off of heights without their mean plane, relative to the largest height."""
 
 
 class RoughTable(Table):
@@ -70,7 +50,7 @@ class RoughTable(Table):
     material, contact, conductivity, formulation, solver
         Tables as in a case file; the formulation is half-space.
     pressures
-        Mean pressures that increase, or their range.
+        Mean pressures that increase, their range, or a single one.
     periodic
         Whether the surface is one period; by default if its indenter is periodic.
     samples
@@ -90,7 +70,7 @@ class RoughTable(Table):
     conductivity: dict[str, Any] = Field(default_factory=dict)
     formulation: dict[str, Any] = Field(default_factory=dict)
     solver: dict[str, Any] = Field(default_factory=dict)
-    pressures: tuple[Pressure, ...] | RangeTable | None = None
+    pressures: Annotated[Choice, PlainValidator(read_choice)] = None
     periodic: Annotated[bool, Strict()] | None = None
     samples: Annotated[int, Strict(), Field(ge=4)] | None = None
     electric_potential: Annotated[float, Quantity("V", gt=-float("inf"), lt=float("inf"))] | None = None
@@ -98,22 +78,12 @@ class RoughTable(Table):
     stiffness: Annotated[bool, Strict()] = True
 
     @model_validator(mode="after")
-    def _pressures_increase(self) -> "RoughTable":
-        values = self.chosen_pressures()
-        if values is not None and (not values or (np.diff(values) <= 0.0).any()):
-            raise ValueError(
-                f"pressures: {', '.join(f'{value:g}' for value in values) or 'none'} Pa; allowed: at least "
-                "one, each larger than the one before"
-            )
+    def _check_formulation(self) -> "RoughTable":
         if "name" in self.formulation and self.formulation["name"] != FORMULATION:
             raise ValueError(f"formulation.name = {self.formulation['name']!r}; allowed: {FORMULATION}")
         if "periodic" in self.formulation:
             raise ValueError("formulation.periodic: allowed: the key periodic of the study in its place")
         return self
-
-    def chosen_pressures(self) -> tuple[float, ...] | None:
-        """Return the pressures that the user chose [Pa], None without a choice."""
-        return self.pressures.values() if isinstance(self.pressures, RangeTable) else self.pressures
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +102,13 @@ class RoughStudy:
         The case with one load step for each pressure, at the potential of the study.
     pressures : Array
         Mean pressures, (m,) [Pa].
+    slope : float
+        Root mean square slope of theories: by the spectrum if the surface is periodic, by differences of neighbours
+        about the mean plane if not, because a window changes the slope.
     modulus : float
         Contact modulus E* of the insulated surface, averaged over directions [Pa].
+    bound : float
+        Largest pressure that the contact law bears [Pa].
     is_coupled : bool
         Whether mechanical and electric fields are coupled.
     """
@@ -143,8 +118,15 @@ class RoughStudy:
     statistics: SurfaceStatistics
     case: Case
     pressures: Array
+    slope: float
     modulus: float
+    bound: float
     is_coupled: bool
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Properties of the surface that are hardly plausible, in words."""
+        return tuple(_doubts(self.surface, self.slope))
 
 
 def declare(tables: Mapping[str, Any], registry: Registry, folder: Path = Path(), origin: str = "") -> RoughStudy:
@@ -177,6 +159,8 @@ def declare(tables: Mapping[str, Any], registry: Registry, folder: Path = Path()
         return _study(table, surface, registry, folder)
     except TableError as error:
         raise CaseError(listed(f"{origin}{problem}" for problem in error.problems)) from error.__cause__
+    except TooLargeError as error:
+        raise TooLargeError(f"{origin}{error}") from None
 
 
 def _table(tables: Mapping[str, Any]) -> RoughTable:
@@ -192,22 +176,43 @@ def _table(tables: Mapping[str, Any]) -> RoughTable:
 def _surface(table: RoughTable, registry: Registry) -> HeightMap:
     """Return the full surface at the nodes of the contact."""
     try:
-        surface = table.surface if isinstance(table.surface, HeightMap) else _map_of(table.surface, registry)
+        if table.samples is not None:
+            _check_memory((table.samples, 2), "samples")
+        surface = table.surface if isinstance(table.surface, HeightMap) else _map_of(table, registry)
         if table.periodic is not None:
             surface = replace(surface, is_periodic=table.periodic)
         if table.samples is not None and table.samples != surface.shape[0]:
-            ratio = surface.shape[1] / surface.shape[0]
-            surface = resample(surface, (table.samples, max(2, round(table.samples * ratio))))
+            shape = table.samples, max(2, round(table.samples * surface.shape[1] / surface.shape[0]))
+            _check_memory(shape, "samples")
+            surface = resample(surface, shape)
+        _check_memory(surface.shape, "surface")
         _ = surface.spacing
+        check_full(surface, "heights")
         return surface
     except TableError as error:
         raise TableError(*(problem.inside("surface") for problem in error.problems)) from error.__cause__
+    except TooLargeError:
+        raise
     except CaseError as error:
         raise TableError(Problem(("surface",), str(error))) from error.__cause__
 
 
-def _map_of(description: Any, registry: Registry) -> HeightMap:
-    indenter: Indenter = registry.create(Kind.INDENTER, description)
+def _check_memory(shape: tuple[int, int], key: str) -> None:
+    """Raise TooLargeError if a run on a grid needs more memory than the machine has."""
+    required, available = shape[0] * shape[1] * BYTES_PER_NODE, usable_memory()
+    if required > available:
+        most = math.isqrt(available // BYTES_PER_NODE)
+        raise TooLargeError(
+            f"{key} = {shape[0]}: a run with at least {shape[0]} x {shape[1]} nodes needs at least "
+            f"{required // 10**9} GB; this machine has {available / 1e9:.3g} GB; allowed: about {most} x {most} nodes"
+        )
+
+
+def _map_of(table: RoughTable, registry: Registry) -> HeightMap:
+    indenter: Indenter = registry.create(Kind.INDENTER, table.surface)
+    shape = getattr(indenter, "grid_shape", None)
+    if shape is not None:
+        _check_memory(shape, "surface.samples")
     surface = topography_of(indenter)
     if surface is None:
         raise CaseError(
@@ -218,23 +223,38 @@ def _map_of(description: Any, registry: Registry) -> HeightMap:
 
 def _study(table: RoughTable, surface: HeightMap, registry: Registry, folder: Path) -> RoughStudy:
     statistics = SurfaceStatistics.of(surface)
+    slope = statistics.rms_slope_spectrum if surface.is_periodic else detrend(surface).rms_slope
     # a plane has no waves but round-off
-    if not statistics.rms_slope_spectrum > _MAX_PLANE_SLOPE * max(
-        statistics.rms_slope, np.finfo(float).eps / _MAX_PLANE_SLOPE
-    ):
+    if not slope > _ROUND_OFF * float(np.abs(surface.heights).max()) / min(surface.spacing):
         raise TableError(Problem(("surface",), "is flat: its heights are those of a plane; allowed: a rough surface"))
     first = _case(table, surface, (1.0,), registry, folder)
     modulus, _ = mean_response(first.material)
-    pressures = table.chosen_pressures()
-    if pressures is None:
-        unit = modulus * statistics.rms_slope_spectrum
-        pressures = tuple(float(f"{value:.6g}") for value in unit * np.geomspace(*DEFAULT_RANGE, DEFAULT_COUNT))
+    bound = float(largest_pressures(first.contact_law, surface.heights.size).mean())
+    pressures = mean_pressures(table.pressures, modulus * slope, bound)
     area = float(np.prod(surface.size if surface.is_periodic else _extents(surface)))
     step = first.steps[0]
     steps = tuple(replace(step, normal_force=pressure * area) for pressure in pressures)
     coupled = bool(np.any(first.material.piezoelectric) or np.any(first.material.magnetoelectric))
     case = replace(first, steps=steps)
-    return RoughStudy(table, surface, statistics, case, np.array(pressures), modulus, coupled)
+    return RoughStudy(table, surface, statistics, case, np.array(pressures), slope, modulus, bound, coupled)
+
+
+def _doubts(surface: HeightMap, slope: float) -> Iterator[str]:
+    if slope > MAX_PLAUSIBLE_SLOPE:
+        yield (
+            f"the root mean square slope of the surface is {slope:.3g}, more than {MAX_PLAUSIBLE_SLOPE}, where half "
+            "spaces do not apply; probably its heights, or its coordinates, have another unit (surface.unit)"
+        )
+    if not surface.is_periodic:
+        return
+    for axis, name in enumerate("xy"):
+        heights = np.moveaxis(surface.heights, axis, 0)
+        jump, inner = (float(np.abs(step).max()) for step in (heights[0] - heights[-1], np.diff(heights, axis=0)))
+        if jump > MAX_BORDER_RATIO * inner:
+            yield (
+                f"the periodic surface jumps by up to {jump:.3g} m at its border along {name}, and by {inner:.3g} m "
+                "between neighbours; level it (surface.levelled), or set periodic = false"
+            )
 
 
 def _extents(surface: HeightMap) -> tuple[float, float]:

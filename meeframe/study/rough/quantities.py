@@ -1,15 +1,18 @@
 """Quantities of rough contact at one mean pressure."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
 
+from meeframe.contact.problem import Status
 from meeframe.fields import ELECTRIC, N_MECHANICAL, Array
 from meeframe.results.records import StepResult, Zone
 from meeframe.results.resultants import resultants
 
+ROUND_OFF: Final = 1e-12
+"""Potential drop, or closing, that is round-off, relative to the largest potential or height."""
 CHARGE: Final = ELECTRIC - N_MECHANICAL
 """Column of the electric field among the scalar fields."""
 
@@ -56,6 +59,8 @@ class Contact:
         Charge that enters the body over the nominal area [C/m^2].
     potential_drop : float
         Potential of the indenter less the mean of the surface if it is periodic [V].
+    max_potential : float
+        Largest modulus of the potentials of indenter and surface [V], which scales round-off of the drop.
     """
 
     pressure: float
@@ -66,10 +71,11 @@ class Contact:
     max_pressure: float
     charge_density: float
     potential_drop: float
+    max_potential: float
 
     @classmethod
     def of(cls, zone: Zone, step: StepResult, is_periodic: bool) -> "Contact":
-        """Return the mean values over the nominal area.
+        """Return the mean values over the nominal area; nan unless the increment converged.
 
         Parameters
         ----------
@@ -80,6 +86,8 @@ class Contact:
         is_periodic : bool
             Whether the zone is one period.
         """
+        if step.status is not Status.CONVERGED:  # its state is that of another load, or of none
+            return cls(*[np.nan] * len(fields(cls)))
         weights = zone.weights
         area = float(weights.sum())
 
@@ -88,8 +96,7 @@ class Contact:
 
         gap, totals = step.gap, resultants(zone, step)
         potential = float(getattr(step.loading, step.fields.scalars[CHARGE].value_name))
-        if is_periodic:
-            potential -= mean(step.potentials[:, CHARGE])
+        drop = potential - mean(step.potentials[:, CHARGE]) if is_periodic else potential
         return cls(
             pressure=mean(-step.traction[:, 2]),
             area_fraction=totals.contact_area / area,
@@ -98,11 +105,12 @@ class Contact:
             approach=step.loading.approach,
             max_pressure=totals.max_pressure,
             charge_density=-mean(step.fluxes[:, CHARGE]),
-            potential_drop=potential,
+            potential_drop=drop,
+            max_potential=max(abs(potential), float(np.abs(step.potentials[:, CHARGE]).max())),
         )
 
 
-def stiffness(below: Contact, above: Contact, is_periodic: bool) -> float:
+def stiffness(below: Contact, above: Contact, is_periodic: bool, height: float) -> float:
     """Return the incremental stiffness per area between two mean pressures.
 
     Parameters
@@ -112,18 +120,22 @@ def stiffness(below: Contact, above: Contact, is_periodic: bool) -> float:
     is_periodic : bool
         True for the change of the pressure over that of the separation: the mean displacement of a periodic surface is
         that of a body whose size is arbitrary. False for that over the change of the approach.
+    height : float
+        Largest height of the surface about its mean [m].
 
     Returns
     -------
     float
-        Stiffness [Pa/m].
+        Stiffness [Pa/m], inf if nothing closes as in full contact of a periodic surface, nan if it opens.
     """
     closing = below.separation - above.separation if is_periodic else above.approach - below.approach
+    if is_periodic and abs(closing) <= ROUND_OFF * height:
+        return np.inf
     return (above.pressure - below.pressure) / closing if closing > 0.0 else np.nan
 
 
 def per_drop(contact: Contact, reference: Contact | None = None) -> float:
-    """Return the charge or current per area over the potential drop that causes it; nan without a drop.
+    """Return the charge or current per area over the potential drop that causes it; inf without a drop.
 
     Parameters
     ----------
@@ -134,4 +146,5 @@ def per_drop(contact: Contact, reference: Contact | None = None) -> float:
     """
     charge = contact.charge_density - (reference.charge_density if reference else 0.0)
     drop = contact.potential_drop - (reference.potential_drop if reference else 0.0)
-    return charge / drop if drop else np.nan
+    scale = max(contact.max_potential, reference.max_potential if reference else 0.0)
+    return np.inf if abs(drop) <= ROUND_OFF * scale else charge / drop
