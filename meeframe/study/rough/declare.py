@@ -18,6 +18,7 @@ from meeframe.indenters.base import Indenter
 from meeframe.indenters.heights import SampledHeights
 from meeframe.indenters.topography import HeightMap, SurfaceStatistics, detrend, resample, topography_of
 from meeframe.indenters.topography.preparation import check_full
+from meeframe.laws import StepConductivity
 from meeframe.material.half_space import mean_compliance
 from meeframe.material.material import Material
 from meeframe.mesh.generators import BYTES_PER_NODE
@@ -122,6 +123,12 @@ class RoughStudy:
     modulus: float
     bound: float
     is_coupled: bool
+
+    @property
+    def conducts_perfectly(self) -> bool:
+        """True if currents and charges pass the contact without a film, wherever the surfaces touch."""
+        law = self.case.conductivity["electric"]
+        return "electric" not in self.table.conductivity or law == StepConductivity(math.inf)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -1,6 +1,5 @@
 """Figures and table of the study of a rough surface."""
 
-import math
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -10,7 +9,7 @@ from rich.text import Text
 from meeframe.common.literal import LiteralTable
 from meeframe.fields import Array
 from meeframe.indenters.topography import HeightMap, bearing_curve, radial_spectrum, scale_dependent_slope
-from meeframe.laws import Signorini, StepConductivity
+from meeframe.laws import Signorini
 from meeframe.results.canvas import (
     LINE_COLOURS,
     MAP_COLOURS,
@@ -155,9 +154,7 @@ def _finite(values: Array) -> Array:
 
 def _has_identity(study: RoughStudy) -> bool:
     """Return whether the stiffness determines the conductance: of hard, perfectly conducting and uncoupled contacts."""
-    law, film = study.case.contact_law, study.case.conductivity["electric"]
-    is_perfect = "electric" not in study.table.conductivity or film == StepConductivity(math.inf)
-    return isinstance(law, Signorini) and is_perfect and not study.is_coupled
+    return isinstance(study.case.contact_law, Signorini) and study.conducts_perfectly and not study.is_coupled
 
 
 def _printed(unit: str) -> str:

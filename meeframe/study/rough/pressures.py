@@ -107,9 +107,7 @@ def mean_pressures(choice: Choice, unit: float, bound: float) -> tuple[float, ..
         text = f"{_shown(values) or 'none'}; allowed: at least one, each larger than the one before"
         raise TableError(Problem(("pressures",), text))
     if not values[-1] < bound:
-        text = (
-            f"{_shown(values[-1:])}; the contact law bears at most {bound:g} Pa, its hardness; allowed: pressures below"
-        )
+        text = f"{_shown(values[-1:])}; allowed: less than the hardness of the contact law, {bound:g} Pa"
         raise TableError(Problem(("pressures",), text))
     return values
 

@@ -13,6 +13,8 @@ from meeframe.results.resultants import resultants
 
 ROUND_OFF: Final = 1e-12
 """Potential drop, or closing, that is round-off, relative to the largest potential or height."""
+CLOSED_GAP: Final = 1e-9
+"""Gap that is round-off, relative to the largest height or the approach."""
 CHARGE: Final = ELECTRIC - N_MECHANICAL
 """Column of the electric field among the scalar fields."""
 
@@ -59,8 +61,8 @@ class Contact:
         Charge that enters the body over the nominal area [C/m^2].
     potential_drop : float
         Potential of the indenter less the mean of the surface if it is periodic [V].
-    max_potential : float
-        Largest modulus of the potentials of indenter and surface [V], which scales round-off of the drop.
+    max_gap, max_potential : float
+        Largest modulus of the gap [m], and of the potentials of indenter and surface [V], in which round-off counts.
     """
 
     pressure: float
@@ -71,6 +73,7 @@ class Contact:
     max_pressure: float
     charge_density: float
     potential_drop: float
+    max_gap: float
     max_potential: float
 
     @classmethod
@@ -106,8 +109,23 @@ class Contact:
             max_pressure=totals.max_pressure,
             charge_density=-mean(step.fluxes[:, CHARGE]),
             potential_drop=drop,
+            max_gap=float(np.abs(gap).max()),
             max_potential=max(abs(potential), float(np.abs(step.potentials[:, CHARGE]).max())),
         )
+
+
+def is_full(contact: Contact, height: float) -> bool:
+    """Return whether all nodes are in contact, with gaps that are round-off.
+
+    Parameters
+    ----------
+    contact : Contact
+        The contact.
+    height : float
+        Largest height of the surface about its mean [m].
+    """
+    closed = contact.max_gap <= CLOSED_GAP * max(height, abs(contact.approach))
+    return closed and contact.area_fraction > 1.0 - ROUND_OFF
 
 
 def stiffness(below: Contact, above: Contact, is_periodic: bool, height: float) -> float:
@@ -129,12 +147,12 @@ def stiffness(below: Contact, above: Contact, is_periodic: bool, height: float) 
         Stiffness [Pa/m], inf if nothing closes as in full contact of a periodic surface, nan if it opens.
     """
     closing = below.separation - above.separation if is_periodic else above.approach - below.approach
-    if is_periodic and abs(closing) <= ROUND_OFF * height:
+    if is_periodic and (abs(closing) <= ROUND_OFF * height or (is_full(below, height) and is_full(above, height))):
         return np.inf
     return (above.pressure - below.pressure) / closing if closing > 0.0 else np.nan
 
 
-def per_drop(contact: Contact, reference: Contact | None = None) -> float:
+def per_drop(contact: Contact, reference: Contact | None = None, has_drop: bool = True) -> float:
     """Return the charge or current per area over the potential drop that causes it; inf without a drop.
 
     Parameters
@@ -143,8 +161,10 @@ def per_drop(contact: Contact, reference: Contact | None = None) -> float:
         The contact under a potential.
     reference : Contact, optional
         The contact without a potential, where the pressure alone causes a charge.
+    has_drop : bool, optional
+        False for a periodic contact that is perfect everywhere, whose drop is round-off.
     """
     charge = contact.charge_density - (reference.charge_density if reference else 0.0)
     drop = contact.potential_drop - (reference.potential_drop if reference else 0.0)
     scale = max(contact.max_potential, reference.max_potential if reference else 0.0)
-    return np.inf if abs(drop) <= ROUND_OFF * scale else charge / drop
+    return charge / drop if has_drop and not abs(drop) <= ROUND_OFF * scale else np.inf

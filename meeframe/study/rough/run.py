@@ -15,7 +15,7 @@ from meeframe.model.solve import reduce, solve_steps
 from meeframe.results.records import StepResult, zone_of
 from meeframe.results.result import Interrupted
 from meeframe.study.rough.declare import RoughStudy, conductor
-from meeframe.study.rough.quantities import QUANTITIES, Contact, per_drop, stiffness
+from meeframe.study.rough.quantities import QUANTITIES, Contact, is_full, per_drop, stiffness
 from meeframe.study.rough.theory import bush_gibson_thomas_area, persson_area
 from meeframe.system.reduced import Progress, ReducedSystem, silent
 
@@ -136,10 +136,12 @@ class _Solution:
             if reference is not None:
                 steps["reference"] = next(reference)
             if study.table.electric_potential:
-                values["capacitance"] = per_drop(contact, self._contact(steps["reference"]) if reference else None)
+                unloaded = self._contact(steps["reference"]) if reference else None
+                values["capacitance"] = per_drop(contact, unloaded, self._has_drop(contact))
             if current is not None:
                 steps["current"] = next(current)
-                values["conductance"] = per_drop(self._contact(steps["current"]))
+                conducting = self._contact(steps["current"])
+                values["conductance"] = per_drop(conducting, has_drop=self._has_drop(conducting))
             if nearby is not None:
                 steps |= {"below": next(nearby), "above": next(nearby)}
                 pair = self._contact(steps["below"]), self._contact(steps["above"])
@@ -161,6 +163,10 @@ class _Solution:
             "persson_area": float(persson_area(relative)),
             "bush_gibson_thomas_area": float(bush_gibson_thomas_area(relative)),
         }
+
+    def _has_drop(self, contact: Contact) -> bool:
+        """Return whether potentials differ across the contact, as they do but in perfect contact of a whole period."""
+        return not (self._periodic and self._study.conducts_perfectly and is_full(contact, self._height))
 
     def _contact(self, step: StepResult) -> Contact:
         return Contact.of(self._zone, step, self._periodic)

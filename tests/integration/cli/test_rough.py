@@ -131,7 +131,7 @@ def test_other_files_are_refused(tmp_path, study):
 def test_loads_beyond_the_hardness_are_refused(study, tmp_path):
     done = invoke(study, "--out", tmp_path / "out", "--hardness", "0.8 GPa")
     assert done.exit_code == 2, done.output
-    assert "pressures: 1e+09 Pa; the contact law bears at most 8e+08 Pa, its hardness" in done.output
+    assert "pressures: 1e+09 Pa; allowed: less than the hardness of the contact law, 8e+08 Pa" in done.output
     assert not (tmp_path / "out").exists()
 
 

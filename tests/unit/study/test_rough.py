@@ -296,17 +296,32 @@ def test_missing_heights_name_the_surface():
         study(surface=surface)
 
 
-def test_full_contact_has_no_resistance():
+FULL = {"electrical_conductivity": SIGMA, "electric_potential": "2 V"}
+
+
+@pytest.mark.parametrize("samples", [32, 64])
+@pytest.mark.parametrize("material", [COPPER, {"name": "pzt-4"}])
+def test_full_contact_has_no_resistance(samples, material):
     """Beyond the pressure that flattens all waves, drops and closings are round-off."""
-    result = solve_rough(
-        study(pressures=["0.5 GPa", "1000 GPa"], electrical_conductivity=SIGMA, electric_potential="2 V", periodic=True)
-    )
+    surface, pressures = {**SELF_AFFINE, "samples": samples}, ["0.5 GPa", "40 GPa", "200 GPa", "1000 GPa"]
+    result = solve_rough(study(surface=surface, material=material, pressures=pressures, **FULL))
     assert result.is_converged
-    assert result.values["area_fraction"][1] == 1.0
+    np.testing.assert_allclose(result.values["area_fraction"][1:], 1.0)
     for name in ("conductance", "capacitance", "stiffness"):
-        first, last = result.values[name]
-        assert 0.0 < first < np.inf
-        assert last == np.inf
+        assert 0.0 < result.values[name][0] < np.inf
+        assert (result.values[name][1:] == np.inf).all()
+
+
+def test_films_resist_in_full_contact():
+    """The stiffness is infinite, but not the conductance of a film."""
+    film = {"electric": {"name": "step", "kappa": 3e10}}
+    values = solve_rough(study(pressures=["100 GPa"], electrical_conductivity=SIGMA, conductivity=film)).values
+    assert values["stiffness"][0] == np.inf
+    assert values["conductance"][0] == pytest.approx(3e10, rel=1e-6)
+
+
+def test_infinite_values_are_written_and_not_drawn():
+    result = solve_rough(study(pressures=["0.5 GPa", "1000 GPa"], **FULL))
     table = csv_text(result).splitlines()
     assert table[2].count(",inf") == 3
     panels = {axes.get_ylabel().split(" [")[0]: axes for axes in contact_figure(result).axes}
@@ -336,7 +351,9 @@ HARD = {"law": {"name": "hardness", "hardness": "0.8 GPa"}}
 
 @pytest.mark.parametrize("pressures", [["0.5 GPa", "0.8 GPa"], {"to": "1 GPa"}, "900 MPa"])
 def test_pressures_from_the_hardness_on_are_refused(pressures):
-    with pytest.raises(CaseError, match=r"^pressures: .* Pa; the contact law bears at most 8e\+08 Pa, its hardness"):
+    with pytest.raises(
+        CaseError, match=r"^pressures: .* Pa; allowed: less than the hardness of the contact law, 8e\+08 Pa"
+    ):
         study(contact=HARD, pressures=pressures)
 
 
