@@ -1,7 +1,7 @@
 """Schema of the study of a rough surface, and its cases; documented in docs/howto/rough.md."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -10,33 +10,24 @@ import numpy as np
 from pydantic import Field, PlainValidator, Strict, ValidationError, model_validator
 
 from meeframe.common.errors import CaseError, TooLargeError, listed
-from meeframe.common.memory import usable_memory
 from meeframe.contact.feasibility import largest_pressures
 from meeframe.fields import ELECTRIC, NORMAL, Array
 from meeframe.fields.units import Quantity
-from meeframe.indenters.base import Indenter
 from meeframe.indenters.heights import SampledHeights
-from meeframe.indenters.topography import HeightMap, SurfaceStatistics, detrend, resample, topography_of
-from meeframe.indenters.topography.preparation import check_full
+from meeframe.indenters.topography import HeightMap, SurfaceStatistics
 from meeframe.laws import StepConductivity
 from meeframe.material.half_space import mean_compliance
 from meeframe.material.material import Material
-from meeframe.mesh.generators import BYTES_PER_NODE
 from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables
-from meeframe.plugin.registry import Kind, Registry
+from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import Problem, TableError, problems_of
 from meeframe.study.declare import Table, Text
 from meeframe.study.rough.pressures import Choice, mean_pressures, read_choice
+from meeframe.study.rough.surface import diagnostics, prepare_surface, theory_slope
 
 FORMULATION: Final = "half-space"
 """Formulation of rough contact, of the package meeframe-halfspace."""
-MAX_PLAUSIBLE_SLOPE: Final = 0.5
-"""Root mean square slope above which heights probably have another unit; theories and half spaces need small ones."""
-MAX_BORDER_RATIO: Final = 3.0
-"""Largest jump at the border of a period, relative to the largest difference of neighbours, without a warning."""
-_ROUND_OFF: Final = 100 * np.finfo(float).eps
-"""Round-off of heights without their mean plane, relative to the largest height."""
 
 
 class RoughTable(Table):
@@ -133,7 +124,7 @@ class RoughStudy:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Properties of the surface that are hardly plausible, in words."""
-        return tuple(_doubts(self.surface, self.slope))
+        return tuple(diagnostics(self.surface, self.slope))
 
 
 def declare(tables: Mapping[str, Any], registry: Registry, folder: Path = Path(), origin: str = "") -> RoughStudy:
@@ -162,7 +153,7 @@ def declare(tables: Mapping[str, Any], registry: Registry, folder: Path = Path()
     """
     try:
         table = _table(tables)
-        surface = _surface(table, replace(registry, folder=folder))
+        surface = prepare_surface(table.surface, table.periodic, table.samples, replace(registry, folder=folder))
         return _study(table, surface, registry, folder)
     except TableError as error:
         raise CaseError(listed(f"{origin}{problem}" for problem in error.problems)) from error.__cause__
@@ -180,60 +171,9 @@ def _table(tables: Mapping[str, Any]) -> RoughTable:
         ) from None
 
 
-def _surface(table: RoughTable, registry: Registry) -> HeightMap:
-    """Return the full surface at the nodes of the contact."""
-    try:
-        if table.samples is not None:
-            _check_memory((table.samples, 2), "samples")
-        surface = table.surface if isinstance(table.surface, HeightMap) else _map_of(table, registry)
-        if table.periodic is not None:
-            surface = replace(surface, is_periodic=table.periodic)
-        if table.samples is not None and table.samples != surface.shape[0]:
-            shape = table.samples, max(2, round(table.samples * surface.shape[1] / surface.shape[0]))
-            _check_memory(shape, "samples")
-            surface = resample(surface, shape)
-        _check_memory(surface.shape, "surface")
-        _ = surface.spacing
-        check_full(surface, "heights")
-        return surface
-    except TableError as error:
-        raise TableError(*(problem.inside("surface") for problem in error.problems)) from error.__cause__
-    except TooLargeError:
-        raise
-    except CaseError as error:
-        raise TableError(Problem(("surface",), str(error))) from error.__cause__
-
-
-def _check_memory(shape: tuple[int, int], key: str) -> None:
-    """Raise TooLargeError if a run on a grid needs more memory than the machine has."""
-    required, available = shape[0] * shape[1] * BYTES_PER_NODE, usable_memory()
-    if required > available:
-        most = math.isqrt(available // BYTES_PER_NODE)
-        raise TooLargeError(
-            f"{key} = {shape[0]}: a run with at least {shape[0]} x {shape[1]} nodes needs at least "
-            f"{required // 10**9} GB; this machine has {available / 1e9:.3g} GB; allowed: about {most} x {most} nodes"
-        )
-
-
-def _map_of(table: RoughTable, registry: Registry) -> HeightMap:
-    indenter: Indenter = registry.create(Kind.INDENTER, table.surface)
-    shape = getattr(indenter, "grid_shape", None)
-    if shape is not None:
-        _check_memory(shape, "surface.samples")
-    surface = topography_of(indenter)
-    if surface is None:
-        raise CaseError(
-            f"{type(indenter).__name__} is not known as heights on a grid; allowed: height-map or self-affine"
-        )
-    return surface
-
-
 def _study(table: RoughTable, surface: HeightMap, registry: Registry, folder: Path) -> RoughStudy:
     statistics = SurfaceStatistics.of(surface)
-    slope = statistics.rms_slope_spectrum if surface.is_periodic else detrend(surface).rms_slope
-    # a plane has no waves but round-off
-    if not slope > _ROUND_OFF * float(np.abs(surface.heights).max()) / min(surface.spacing):
-        raise TableError(Problem(("surface",), "is flat: its heights are those of a plane; allowed: a rough surface"))
+    slope = theory_slope(surface, statistics)
     first = _case(table, surface, (1.0,), registry, folder)
     modulus, _ = mean_response(first.material)
     bound = float(largest_pressures(first.contact_law, surface.heights.size).mean())
@@ -244,24 +184,6 @@ def _study(table: RoughTable, surface: HeightMap, registry: Registry, folder: Pa
     coupled = bool(np.any(first.material.piezoelectric) or np.any(first.material.magnetoelectric))
     case = replace(first, steps=steps)
     return RoughStudy(table, surface, statistics, case, np.array(pressures), slope, modulus, bound, coupled)
-
-
-def _doubts(surface: HeightMap, slope: float) -> Iterator[str]:
-    if slope > MAX_PLAUSIBLE_SLOPE:
-        yield (
-            f"the root mean square slope of the surface is {slope:.3g}, more than {MAX_PLAUSIBLE_SLOPE}, where half "
-            "spaces do not apply; probably its heights, or its coordinates, have another unit (surface.unit)"
-        )
-    if not surface.is_periodic:
-        return
-    for axis, name in enumerate("xy"):
-        heights = np.moveaxis(surface.heights, axis, 0)
-        jump, inner = (float(np.abs(step).max()) for step in (heights[0] - heights[-1], np.diff(heights, axis=0)))
-        if jump > MAX_BORDER_RATIO * inner:
-            yield (
-                f"the periodic surface jumps by up to {jump:.3g} m at its border along {name}, and by {inner:.3g} m "
-                "between neighbours; level it (surface.levelled), or set periodic = false"
-            )
 
 
 def _extents(surface: HeightMap) -> tuple[float, float]:

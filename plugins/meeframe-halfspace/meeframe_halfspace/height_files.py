@@ -1,7 +1,7 @@
 """Height maps from files: arrays, HDF5, grids of mapping programs, and text files of profilometers."""
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from meeframe.plugin import Array, CaseError, HeightMap, Quantity, check_file, open_hdf5, read_npy
 from meeframe_halfspace.instrument_files import is_binary, read_instrument
+from meeframe_halfspace.text_table import TextTable, read_text
 
 AnyArray = NDArray[Any]
 
@@ -20,10 +21,6 @@ SURFER_BLANK: Final = 1.70141e38
 MAX_BYTES: Final = 2**30
 """Largest size of a file."""
 _POSITIVE: Final = Quantity("m", gt=0, lt=float("inf"))
-_NUMBER: Final = re.compile(r"(?<!\w)[-+]?\.?\d")
-"""The begin of a number in a line; not of a name such as X1."""
-_MISSING: Final = re.compile(r"bad|nan|null|none|void|missing|n/?a|no ?data|-{1,2}|[*?]+|", re.IGNORECASE)
-"""Entries of missing heights."""
 _MATRIX_HEADER: Final = re.compile(r"#\s*(width|height|value units)\s*:\s*(.+)", re.IGNORECASE)
 
 
@@ -134,7 +131,7 @@ def _read_hdf5(path: Path, scales: Scales) -> HeightMap:
 
 
 def _read_surfer(path: Path, scales: Scales) -> HeightMap:
-    tokens = _text(path).split()
+    tokens = read_text(path).split()
     if len(tokens) < 9:
         raise ValueError("its header is incomplete")
     nx, ny = int(tokens[1]), int(tokens[2])
@@ -145,7 +142,7 @@ def _read_surfer(path: Path, scales: Scales) -> HeightMap:
 
 
 def _read_esri(path: Path, scales: Scales) -> HeightMap:
-    tokens = _text(path).split()
+    tokens = read_text(path).split()
     header: dict[str, float] = {}
     while len(tokens) > 1 and tokens[0][0].isalpha():
         header[tokens[0].lower()] = float(tokens[1])
@@ -167,27 +164,13 @@ def _read_instrument(path: Path, scales: Scales) -> HeightMap:
     return read_instrument(path, scales.unit, scales.spacing, scales.dataset)
 
 
-def _text(path: Path) -> str:
-    """Return the text of a file, in UTF-8 with or without a byte order mark, or else in Latin-1."""
-    content = path.read_bytes()
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")
-
-
 def _read_text(path: Path, scales: Scales) -> HeightMap:
-    lines = _text(path).splitlines()
-    header = {match[1].lower(): match[2].strip() for line in lines if (match := _MATRIX_HEADER.match(line))}
-    contents = {n: text for n, line in enumerate(lines, 1) if (text := line.partition("#")[0].strip())}
-    commas = _has_decimal_commas(contents.values())
-    first = next((n for n, text in contents.items() if _is_row(_entries(text, commas))), None)
-    if first is None:
-        raise ValueError("no row of numbers in it")
-    unknown = next((n for n, text in contents.items() if n < first and _NUMBER.search(text)), None)
-    if unknown is not None and (scales.unit is None or scales.spacing is None):
-        return _read_exported(path, scales, f"line {unknown}, {contents[unknown][:80]!r}")
-    array = _numbers({n: _entries(text, commas) for n, text in contents.items() if n >= first})
+    text = read_text(path)
+    header = {match[1].lower(): match[2].strip() for line in text.splitlines() if (match := _MATRIX_HEADER.match(line))}
+    table = TextTable.of(text)
+    if table.unknown is not None and (scales.unit is None or scales.spacing is None):
+        return _read_exported(path, scales, table.unknown)
+    array = table.numbers()
     if scales.unit is None and "value units" in header:
         scales = replace(scales, unit=_length(header, "value units", "1 "))
     if scales.spacing is None and "width" in header and "height" in header:
@@ -207,66 +190,12 @@ def _read_exported(path: Path, scales: Scales, line: str) -> HeightMap:
         ) from None
 
 
-def _has_decimal_commas(texts: Iterable[str]) -> bool:
-    """Return whether commas in lines of numbers are decimal ones. Raises ValueError if that is uncertain.
-
-    Commas between blanks or semicolons are decimal, and those beside blanks, or alone in a line, separate numbers.
-    """
-    numbers = [text for text in texts if "," in text and _NUMBER.match(text)]
-    words = [word for text in numbers if len(row := re.split(r"[;\s]+", text)) > 1 for word in row if "," in word]
-    inside = [word for word in words if "," in word.strip(",")]
-    if not inside:
-        return False
-    has_points = any("." in text for text in numbers)
-    if any(word.startswith(",") or word.endswith(",") for word in words) and has_points:
-        return False  # some commas are followed by blanks
-    if has_points or len(inside) < len(words) or any(word.count(",") > 1 for word in inside):
-        raise ValueError(f"commas in {inside[0][:40]!r} are decimal, or separate numbers; write decimal points")
-    return True
-
-
-def _entries(text: str, decimal_commas: bool) -> list[str]:
-    """Return the entries of a line; "" between two separators."""
-    if decimal_commas:
-        text = text.replace(",", ".")
-    return re.split(r"\s*[;,]\s*|\s+", text) if ";" in text or "," in text else text.split()
-
-
-def _is_row(entries: list[str]) -> bool:
-    """Return whether a line consists of numbers and missing heights."""
-    return all(_is_number(entry) or _MISSING.fullmatch(entry) for entry in entries)
-
-
-def _numbers(rows: dict[int, list[str]]) -> Array:
-    """Return the rows as an array, nan for entries that are no numbers. Raises ValueError, naming a line."""
-    if all(row[-1] == "" for row in rows.values()):  # separators at the ends of lines
-        rows = {n: row[:-1] for n, row in rows.items()}
-    if len({len(row) for row in rows.values()}) != 1:
-        raise ValueError("rows of unequal length")
-    try:
-        return np.array(list(rows.values()), float)
-    except ValueError:
-        array = np.array([[float(entry) if _is_number(entry) else np.nan for entry in row] for row in rows.values()])
-    for (n, row), values in zip(rows.items(), array, strict=True):
-        if np.isnan(values).all() and not _is_row(row):
-            raise ValueError(f"line {n}, {' '.join(row)[:80]!r}: no number in it")
-    return array
-
-
 def _length(header: dict[str, str], key: str, before: str = "") -> float:
     """Return the value of a header line [m]. Raises ValueError, naming the line."""
     try:
         return _POSITIVE.check(before + header[key])
     except ValueError as error:
         raise ValueError(f"# {key}: {header[key]}: {error}") from None
-
-
-def _is_number(token: str) -> bool:
-    try:
-        float(token)
-    except ValueError:
-        return False
-    return True
 
 
 def _from_array(array: Array, scales: Scales) -> HeightMap:
