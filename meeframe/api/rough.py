@@ -1,5 +1,6 @@
 """Rough contact over a series of mean pressures, in Python."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from meeframe.study.rough.study import rough as solve_and_write
 def rough(
     surface: str | Path | HeightMap | Indenter | Mapping[str, Any],
     material: str | Mapping[str, Any] | None = None,
-    pressures: Sequence[float | str] | Mapping[str, Any] | None = None,
+    pressures: float | str | Sequence[float | str] | Mapping[str, Any] | None = None,
     out: str | Path | None = None,
     *,
     overwrite: bool = False,
@@ -35,9 +36,10 @@ def rough(
         as in a case file.
     material : str or mapping, optional
         Name of a material of the library, or table as in a case file; a study file may name it.
-    pressures : sequence or mapping, optional
-        Mean pressures that increase, [Pa] or texts with units, or a range {"from": ..., "to": ..., "count": ...}; by
-        default from 0.01 to 0.3 times the contact modulus times the root mean square slope.
+    pressures : float, str, sequence or mapping, optional
+        Mean pressures that increase, [Pa] or texts with units, a single one, or a range {"from": ..., "to": ...,
+        "count": ...}, whose keys have defaults; by default eight from 0.01 to 0.3 times the contact modulus times the
+        root mean square slope, and less than the contact law bears.
     out : str or Path, optional
         Folder for rough.h5, rough.csv, surface.json and pictures; by default nothing is written.
     overwrite : bool, optional
@@ -59,6 +61,11 @@ def rough(
         After Ctrl-C, with the pressures that are finished, which are also in the folder.
     MeeframeError
         If a key or value is not allowed, or the folder cannot be written.
+
+    Warns
+    -----
+    UserWarning
+        If the surface is hardly plausible: for steep slopes, or a jump at the border of a period.
     """
     if isinstance(material, str):
         material = {"name": material}
@@ -70,5 +77,7 @@ def rough(
         study = load_study(Path(surface), options)
     else:
         study = declare({"surface": python_numbers(surface), **options}, registry.load())
+    for text in study.warnings:
+        warnings.warn(text, stacklevel=2)
     with shown(progress) as report:
         return dataset(solve_and_write(study, None if out is None else Path(out), overwrite, report))

@@ -27,7 +27,9 @@ def rough(
     ] = None,
     first: Annotated[str | None, typer.Option("--from", metavar="PRESSURE", help="Smallest mean pressure.")] = None,
     last: Annotated[str | None, typer.Option("--to", metavar="PRESSURE", help="Largest mean pressure.")] = None,
-    count: Annotated[int | None, typer.Option(metavar="N", help="Number of pressures from --from to --to.")] = None,
+    count: Annotated[
+        int | None, typer.Option(metavar="N", help="Number of pressures from --from to --to, which have defaults.")
+    ] = None,
     periodic: Annotated[
         bool | None, typer.Option("--periodic/--free", help="Whether the surface is one period of an infinite one.")
     ] = None,
@@ -86,7 +88,7 @@ def rough(
             "pressures": _pressures(pressure, first, last, count),
             "periodic": periodic,
             "samples": samples,
-            "contact": {"law": {"name": "hardness", "hardness": hardness}} if hardness else None,
+            "contact": {"law": {"name": "hardness", "hardness": _or_infinite(hardness)}} if hardness else None,
             "electric_potential": potential,
             "electrical_conductivity": conductivity,
             "surface": {
@@ -100,7 +102,10 @@ def rough(
         chosen = {key: value for key, value in options.items() if value not in (None, {})}
         with limited(threads), console.progress() as progress:
             progress("reading", 0.0)
-            result = run_study(load_study(surface, chosen, registry), out, overwrite, progress, format)
+            study = load_study(surface, chosen, registry)
+            for warning in study.warnings:
+                console.warn(warning)
+            result = run_study(study, out, overwrite, progress, format)
         console.stdout().print(rough_table(result))
         print(f"dataset: {out / 'rough.h5'}, pictures: {out / 'rough'}.{format}, {out / 'surface'}.{format}")
         raise typer.Exit(console.CONVERGED if result.is_converged else console.NOT_CONVERGED)
@@ -108,9 +113,21 @@ def rough(
 
 def _material(name: str | None, modulus: str | None) -> dict[str, Any] | None:
     """Return the [material] table of a name, or of an isotropic material with a contact modulus."""
-    if modulus is not None:
-        return {"name": "isotropic", "young_modulus": modulus, "poisson_ratio": 0.0}
-    return None if name is None else {"name": name}
+    if modulus is None:
+        return None if name is None else {"name": name}
+    from meeframe.common.errors import CaseError
+    from meeframe.fields.units import Quantity
+
+    try:
+        value = Quantity("Pa", gt=0, lt=float("inf")).check(modulus)
+    except ValueError as error:
+        raise CaseError(f"--modulus {modulus}: {error}") from None
+    return {"name": "isotropic", "young_modulus": value, "poisson_ratio": 0.0}
+
+
+def _or_infinite(text: str) -> str | float:
+    """Return infinity for the text inf, which is written without a unit, and any other text as it is."""
+    return float("inf") if text.strip() == "inf" else text
 
 
 def _pressures(values: list[str] | None, first: str | None, last: str | None, count: int | None) -> Any:

@@ -21,8 +21,8 @@ from meeframe.contact.nested import has_nodal_data
 from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, unbalance
 from meeframe.contact.residual import law_violation
 from meeframe.contact.scales import Scales, largest
-from meeframe.fields import MECHANICAL, N_MECHANICAL, NORMAL
-from meeframe.laws.base import contact_traction, is_adhesive
+from meeframe.fields import MECHANICAL, N_MECHANICAL, NORMAL, Array
+from meeframe.laws.base import ContactLaw, contact_traction, is_adhesive
 
 TOLERANCE: Final = 1e-6
 MAX_GENERATORS: Final = 200
@@ -80,10 +80,8 @@ def beyond_bound(problem: ContactProblem) -> str | None:
     str or None
         Reason in words, for the message of a solution.
     """
-    n = len(problem.gap) if has_nodal_data(problem.contact_law, len(problem.gap)) else 1
-    trial = np.tile([0.0, 0.0, -MAX_COMPRESSION], (n, 1))
-    bound = -problem.contact_law.project(trial)[:, NORMAL]
-    if is_adhesive(problem.contact_law) or not bound.max() < MAX_COMPRESSION / 2.0:
+    bound = largest_pressures(problem.contact_law, len(problem.gap))
+    if bound.max() == np.inf:
         return None
     for k in motions(problem):
         resultant = problem.prescribed_resultants[k]
@@ -94,6 +92,26 @@ def beyond_bound(problem: ContactProblem) -> str | None:
                 f"largest pressure over the whole zone makes {most:.4g}"
             )
     return None
+
+
+def largest_pressures(law: ContactLaw, n: int) -> Array:
+    """Return the largest pressures of a contact law on n nodes, inf if it does not bound them or is adhesive.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        Law.
+    n : int
+        Number of nodes.
+
+    Returns
+    -------
+    Array
+        Pressures, (n,), or (1,) if they are the same at all nodes [Pa].
+    """
+    trial = np.tile([0.0, 0.0, -MAX_COMPRESSION], (n if has_nodal_data(law, n) else 1, 1))
+    bound = -law.project(trial)[:, NORMAL]
+    return np.full(len(bound), np.inf) if is_adhesive(law) or not bound.max() < MAX_COMPRESSION / 2.0 else bound
 
 
 def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales) -> str | None:

@@ -1,7 +1,7 @@
 """Heights of a surface on a rectangular grid."""
 
 from dataclasses import dataclass
-from typing import Final, Protocol, cast
+from typing import Any, Final, Protocol, cast
 
 import numpy as np
 
@@ -22,15 +22,32 @@ class HeightMap:
     x, y : Array
         Coordinates (nx,), (ny,), increasing [m].
     heights : Array
-        Heights (nx, ny) [m], NaN where missing.
+        Heights (nx, ny) [m], NaN where missing; entries that a masked array masks are missing.
     is_periodic : bool
         Whether the map is one period of an infinite surface, which is one spacing longer than its coordinates.
+
+    Raises
+    ------
+    CaseError
+        If these are no real numbers of these shapes, or if coordinates are not finite or do not increase.
     """
 
     x: Array
     y: Array
     heights: Array
     is_periodic: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y", "heights"):
+            object.__setattr__(self, name, _numbers(name, getattr(self, name)))
+        if self.x.ndim != 1 or self.y.ndim != 1 or self.heights.shape != (self.x.size, self.y.size):
+            raise CaseError(
+                f"height map: x, y and heights have the shapes {self.x.shape}, {self.y.shape} and "
+                f"{self.heights.shape}; allowed: (nx,), (ny,) and (nx, ny), with rows of heights along x"
+            )
+        for name, axis in (("x", self.x), ("y", self.y)):
+            if not np.isfinite(axis).all() or (np.diff(axis) <= 0.0).any():
+                raise CaseError(f"height map: coordinates along {name}; allowed: finite numbers that increase")
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -101,8 +118,23 @@ class HeightMap:
         return float(np.ptp(self.x)) / (len(self.x) - 1), float(np.ptp(self.y)) / (len(self.y) - 1)
 
 
+def _numbers(name: str, values: Any) -> Array:
+    """Return values as floats, the array itself where it has them, with NaN for masked ones."""
+    try:
+        array = np.ma.asarray(values) if np.ma.isMaskedArray(values) else np.asarray(values)
+    except ValueError as error:  # rows of unequal length
+        raise CaseError(f"height map: {name}: {error}") from None
+    if array.dtype.kind not in "fiu":
+        raise CaseError(f"height map: {name}: an array of {array.dtype}; allowed: real numbers")
+    array = array.astype(float, copy=False)
+    return array.filled(np.nan) if isinstance(array, np.ma.MaskedArray) else array
+
+
 class SampledSurface(Protocol):
-    """An indenter that knows its heights on a grid, an optional method of indenters."""
+    """An indenter that knows its heights on a grid, an optional method of indenters.
+
+    Those that make their heights may have a property `grid_shape`, the numbers of points before they are made.
+    """
 
     def topography(self) -> HeightMap:
         """Return the surface on its grid, peaks up as they touch first."""

@@ -1,6 +1,8 @@
 """Preparation of height maps: trends, missing heights, outliers, resampling and windows."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from numbers import Integral, Real
 from typing import Final, Literal
 
 import numpy as np
@@ -124,7 +126,9 @@ def _harmonic(surface: HeightMap, missing: Array) -> Array:
 def remove_outliers(surface: HeightMap, limit: float) -> HeightMap:
     """Return the map without heights that deviate too much from those around them.
 
-    A height is compared with the median of the means of opposite points in its neighbourhood of 5 x 5 points.
+    A height is compared with the median of the means of opposite points in its neighbourhood of 5 x 5 points. Inside
+    the map, single outliers are found, and clusters of up to five points. Of larger clusters a part remains, and good
+    points around them are removed.
 
     Parameters
     ----------
@@ -142,9 +146,9 @@ def remove_outliers(surface: HeightMap, limit: float) -> HeightMap:
     Raises
     ------
     CaseError
-        Unless the limit is positive.
+        Unless the limit is a positive number.
     """
-    if not limit > 0.0:
+    if not isinstance(limit, Real) or not limit > 0.0:
         raise CaseError(f"remove_outliers: limit = {limit!r}; allowed: numbers > 0")
     full = fill_missing(surface).heights
     deviation = np.abs(full - _expected(full, surface.is_periodic))
@@ -187,11 +191,12 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
     Raises
     ------
     CaseError
-        If a height is missing, if a number is less than 2, or for too few points of a spline.
+        If a height is missing, unless the shape is two integers from 2, or for too few points of a spline.
     """
     check_full(surface, "resample")
-    if min(shape) < 2:
-        raise CaseError(f"resample: shape = {tuple(shape)}; allowed: two numbers from 2")
+    counts = shape if isinstance(shape, Sequence) and len(shape) == 2 else ()
+    if not counts or not all(isinstance(count, Integral) and count >= 2 for count in counts):
+        raise CaseError(f"resample: shape = {shape!r}; allowed: two integers from 2, such as (64, 64)")
     if surface.is_periodic:
         heights = surface.heights
         for axis, count in enumerate(shape):

@@ -7,9 +7,11 @@ divided by pi. Source: Jacobs, Junge and Pastewka, Surf. Topogr.: Metrol. Prop. 
 """
 
 from dataclasses import dataclass, replace
+from numbers import Real
 
 import numpy as np
 
+from meeframe.common.errors import CaseError
 from meeframe.common.memoize import memoize_by_identity
 from meeframe.fields import Array, Indices
 from meeframe.indenters.topography.height_map import HeightMap
@@ -86,8 +88,10 @@ def profile_spectrum(surface: HeightMap, axis: int = 0) -> tuple[Array, Array]:
     Raises
     ------
     CaseError
-        As `power_spectrum`.
+        For another axis, and as `power_spectrum`.
     """
+    if axis not in (0, 1):
+        raise CaseError(f"profile_spectrum: axis = {axis!r}; allowed: 0, 1")
     prepared = _prepared(surface, "profile spectrum")
     count, length = surface.shape[axis], surface.size[axis]
     amplitudes = np.abs(np.fft.rfft(prepared.heights, axis=axis, norm="forward")) ** 2
@@ -147,8 +151,10 @@ def spectral_moment(surface: HeightMap, power: float) -> float:
     Raises
     ------
     CaseError
-        As `power_spectrum`.
+        For a negative power, and as `power_spectrum`.
     """
+    if not isinstance(power, Real) or not 0.0 <= power < np.inf:
+        raise CaseError(f"spectral_moment: power = {power!r}; allowed: finite numbers >= 0")
     qx, qy, density = power_spectrum(surface)
     lx, ly = surface.size
     q = np.hypot(qx[:, None], qy[None, :])

@@ -1,61 +1,33 @@
 """Schema of the study of a rough surface, and its cases; documented in docs/howto/rough.md."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final
 
 import numpy as np
-from pydantic import Field, Strict, ValidationError, model_validator
+from pydantic import Field, PlainValidator, Strict, ValidationError, model_validator
 
-from meeframe.common.errors import CaseError, listed
+from meeframe.common.errors import CaseError, TooLargeError, listed
+from meeframe.contact.feasibility import largest_pressures
 from meeframe.fields import ELECTRIC, NORMAL, Array
 from meeframe.fields.units import Quantity
-from meeframe.indenters.base import Indenter
 from meeframe.indenters.heights import SampledHeights
-from meeframe.indenters.topography import HeightMap, SurfaceStatistics, resample, topography_of
+from meeframe.indenters.topography import HeightMap, SurfaceStatistics
+from meeframe.laws import StepConductivity
 from meeframe.material.half_space import mean_compliance
 from meeframe.material.material import Material
 from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables
-from meeframe.plugin.registry import Kind, Registry
+from meeframe.plugin.registry import Registry
 from meeframe.plugin.validation import Problem, TableError, problems_of
 from meeframe.study.declare import Table, Text
+from meeframe.study.rough.pressures import Choice, mean_pressures, read_choice
+from meeframe.study.rough.surface import diagnostics, prepare_surface, theory_slope
 
 FORMULATION: Final = "half-space"
 """Formulation of rough contact, of the package meeframe-halfspace."""
-DEFAULT_RANGE: Final = (0.01, 0.3)
-"""Mean pressures without a choice of the user, relative to the contact modulus times the root mean square slope."""
-DEFAULT_COUNT: Final = 8
-MAX_COUNT: Final = 10_000
-_MAX_PLANE_SLOPE: Final = 1e-9
-"""Slope without the mean plane, relative to that with it, of a plane."""
-
-Pressure = Annotated[float, Quantity("Pa", gt=0, lt=float("inf"))]
-
-
-class RangeTable(Table):
-    """Range of mean pressures: from, to and count with equal ratios, or equal differences for scale = "linear".
-
-    Attributes
-    ----------
-    from_, to
-        Ends of the range [Pa].
-    count
-        Number of pressures.
-    scale
-        Equal ratios or equal differences.
-    """
-
-    from_: Pressure = Field(alias="from")
-    to: Pressure
-    count: Annotated[int, Strict(), Field(ge=2, le=MAX_COUNT)] = DEFAULT_COUNT
-    scale: Literal["log", "linear"] = "log"
-
-    def values(self) -> tuple[float, ...]:
-        """Return the pressures [Pa]."""
-        spaced = np.geomspace if self.scale == "log" else np.linspace
-        return tuple(float(f"{value:.12g}") for value in spaced(self.from_, self.to, self.count))
 
 
 class RoughTable(Table):
@@ -70,7 +42,7 @@ class RoughTable(Table):
     material, contact, conductivity, formulation, solver
         Tables as in a case file; the formulation is half-space.
     pressures
-        Mean pressures that increase, or their range.
+        Mean pressures that increase, their range, or a single one.
     periodic
         Whether the surface is one period; by default if its indenter is periodic.
     samples
@@ -90,7 +62,7 @@ class RoughTable(Table):
     conductivity: dict[str, Any] = Field(default_factory=dict)
     formulation: dict[str, Any] = Field(default_factory=dict)
     solver: dict[str, Any] = Field(default_factory=dict)
-    pressures: tuple[Pressure, ...] | RangeTable | None = None
+    pressures: Annotated[Choice, PlainValidator(read_choice)] = None
     periodic: Annotated[bool, Strict()] | None = None
     samples: Annotated[int, Strict(), Field(ge=4)] | None = None
     electric_potential: Annotated[float, Quantity("V", gt=-float("inf"), lt=float("inf"))] | None = None
@@ -98,22 +70,12 @@ class RoughTable(Table):
     stiffness: Annotated[bool, Strict()] = True
 
     @model_validator(mode="after")
-    def _pressures_increase(self) -> "RoughTable":
-        values = self.chosen_pressures()
-        if values is not None and (not values or (np.diff(values) <= 0.0).any()):
-            raise ValueError(
-                f"pressures: {', '.join(f'{value:g}' for value in values) or 'none'} Pa; allowed: at least "
-                "one, each larger than the one before"
-            )
+    def _check_formulation(self) -> "RoughTable":
         if "name" in self.formulation and self.formulation["name"] != FORMULATION:
             raise ValueError(f"formulation.name = {self.formulation['name']!r}; allowed: {FORMULATION}")
         if "periodic" in self.formulation:
             raise ValueError("formulation.periodic: allowed: the key periodic of the study in its place")
         return self
-
-    def chosen_pressures(self) -> tuple[float, ...] | None:
-        """Return the pressures that the user chose [Pa], None without a choice."""
-        return self.pressures.values() if isinstance(self.pressures, RangeTable) else self.pressures
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +94,13 @@ class RoughStudy:
         The case with one load step for each pressure, at the potential of the study.
     pressures : Array
         Mean pressures, (m,) [Pa].
+    slope : float
+        Root mean square slope of theories: by the spectrum if the surface is periodic, by differences of neighbours
+        about the mean plane if not, because a window changes the slope.
     modulus : float
         Contact modulus E* of the insulated surface, averaged over directions [Pa].
+    bound : float
+        Largest pressure that the contact law bears [Pa].
     is_coupled : bool
         Whether mechanical and electric fields are coupled.
     """
@@ -143,8 +110,21 @@ class RoughStudy:
     statistics: SurfaceStatistics
     case: Case
     pressures: Array
+    slope: float
     modulus: float
+    bound: float
     is_coupled: bool
+
+    @property
+    def conducts_perfectly(self) -> bool:
+        """True if currents and charges pass the contact without a film, wherever the surfaces touch."""
+        law = self.case.conductivity["electric"]
+        return "electric" not in self.table.conductivity or law == StepConductivity(math.inf)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Properties of the surface that are hardly plausible, in words."""
+        return tuple(diagnostics(self.surface, self.slope))
 
 
 def declare(tables: Mapping[str, Any], registry: Registry, folder: Path = Path(), origin: str = "") -> RoughStudy:
@@ -173,10 +153,12 @@ def declare(tables: Mapping[str, Any], registry: Registry, folder: Path = Path()
     """
     try:
         table = _table(tables)
-        surface = _surface(table, replace(registry, folder=folder))
+        surface = prepare_surface(table.surface, table.periodic, table.samples, replace(registry, folder=folder))
         return _study(table, surface, registry, folder)
     except TableError as error:
         raise CaseError(listed(f"{origin}{problem}" for problem in error.problems)) from error.__cause__
+    except TooLargeError as error:
+        raise TooLargeError(f"{origin}{error}") from None
 
 
 def _table(tables: Mapping[str, Any]) -> RoughTable:
@@ -189,52 +171,19 @@ def _table(tables: Mapping[str, Any]) -> RoughTable:
         ) from None
 
 
-def _surface(table: RoughTable, registry: Registry) -> HeightMap:
-    """Return the full surface at the nodes of the contact."""
-    try:
-        surface = table.surface if isinstance(table.surface, HeightMap) else _map_of(table.surface, registry)
-        if table.periodic is not None:
-            surface = replace(surface, is_periodic=table.periodic)
-        if table.samples is not None and table.samples != surface.shape[0]:
-            ratio = surface.shape[1] / surface.shape[0]
-            surface = resample(surface, (table.samples, max(2, round(table.samples * ratio))))
-        _ = surface.spacing
-        return surface
-    except TableError as error:
-        raise TableError(*(problem.inside("surface") for problem in error.problems)) from error.__cause__
-    except CaseError as error:
-        raise TableError(Problem(("surface",), str(error))) from error.__cause__
-
-
-def _map_of(description: Any, registry: Registry) -> HeightMap:
-    indenter: Indenter = registry.create(Kind.INDENTER, description)
-    surface = topography_of(indenter)
-    if surface is None:
-        raise CaseError(
-            f"{type(indenter).__name__} is not known as heights on a grid; allowed: height-map or self-affine"
-        )
-    return surface
-
-
 def _study(table: RoughTable, surface: HeightMap, registry: Registry, folder: Path) -> RoughStudy:
     statistics = SurfaceStatistics.of(surface)
-    # a plane has no waves but round-off
-    if not statistics.rms_slope_spectrum > _MAX_PLANE_SLOPE * max(
-        statistics.rms_slope, np.finfo(float).eps / _MAX_PLANE_SLOPE
-    ):
-        raise TableError(Problem(("surface",), "is flat: its heights are those of a plane; allowed: a rough surface"))
+    slope = theory_slope(surface, statistics)
     first = _case(table, surface, (1.0,), registry, folder)
     modulus, _ = mean_response(first.material)
-    pressures = table.chosen_pressures()
-    if pressures is None:
-        unit = modulus * statistics.rms_slope_spectrum
-        pressures = tuple(float(f"{value:.6g}") for value in unit * np.geomspace(*DEFAULT_RANGE, DEFAULT_COUNT))
+    bound = float(largest_pressures(first.contact_law, surface.heights.size).mean())
+    pressures = mean_pressures(table.pressures, modulus * slope, bound)
     area = float(np.prod(surface.size if surface.is_periodic else _extents(surface)))
     step = first.steps[0]
     steps = tuple(replace(step, normal_force=pressure * area) for pressure in pressures)
     coupled = bool(np.any(first.material.piezoelectric) or np.any(first.material.magnetoelectric))
     case = replace(first, steps=steps)
-    return RoughStudy(table, surface, statistics, case, np.array(pressures), modulus, coupled)
+    return RoughStudy(table, surface, statistics, case, np.array(pressures), slope, modulus, bound, coupled)
 
 
 def _extents(surface: HeightMap) -> tuple[float, float]:

@@ -9,6 +9,7 @@ from rich.text import Text
 from meeframe.common.literal import LiteralTable
 from meeframe.fields import Array
 from meeframe.indenters.topography import HeightMap, bearing_curve, radial_spectrum, scale_dependent_slope
+from meeframe.laws import Signorini
 from meeframe.results.canvas import (
     LINE_COLOURS,
     MAP_COLOURS,
@@ -19,6 +20,7 @@ from meeframe.results.canvas import (
     sheet,
     styled,
 )
+from meeframe.study.rough.declare import RoughStudy
 from meeframe.study.rough.quantities import QUANTITIES
 from meeframe.study.rough.run import RoughResult
 from meeframe.study.rough.theory import bush_gibson_thomas_area, persson_area
@@ -90,7 +92,7 @@ def contact_figure(result: RoughResult) -> "Figure":
     for name in (*(["stiffness"] if "stiffness" in result.values else []), *drawn):
         _draw_curve(panels[position], result, name)
         position += 1
-    pressure = np.where(result.nodal_pressure > 0.0, result.nodal_pressure, np.nan)
+    pressure = np.where(result.nodal_pressure > 0.0, result.nodal_pressure, np.nan)  # NaN without convergence, too
     _draw_map(panels[position], result.study.surface, pressure, "Pa", "pressure at the last load")
     for panel in panels[position + 1 :]:
         panel.remove()
@@ -102,7 +104,7 @@ def contact_figure(result: RoughResult) -> "Figure":
 def _relative(result: RoughResult) -> Array:
     """Return the mean pressure over E* h', (m,)."""
     study = result.study
-    return np.asarray(result.pressures / (study.modulus * study.statistics.rms_slope_spectrum))
+    return np.asarray(result.pressures / (study.modulus * study.slope))
 
 
 def _draw_area(axes: Any, result: RoughResult) -> None:
@@ -128,19 +130,31 @@ def _draw_gap(axes: Any, result: RoughResult) -> None:
 
 
 def _draw_curve(axes: Any, result: RoughResult, name: str) -> None:
-    """Draw a quantity over the mean pressure, on logarithmic scales where its values are positive."""
-    quantity, values = QUANTITIES[name], result.values[name]
+    """Draw a quantity over the mean pressure, on logarithmic scales where its values are positive.
+
+    Infinite values, of full contact, are not drawn.
+    """
+    quantity, values = QUANTITIES[name], _finite(result.values[name])
     factor, unit = prefixed(result.pressures, "Pa")
-    finite = values[np.isfinite(values)]
-    draw = axes.loglog if (finite > 0.0).all() else axes.plot
+    shown = values[np.isfinite(values)]
+    draw = axes.loglog if shown.size and (shown > 0.0).all() else axes.plot
     draw(result.pressures / factor, values, "o-", label="meeframe")
-    if name == "conductance" and "stiffness" in result.values and not result.study.is_coupled:
+    if name == "conductance" and "stiffness" in result.values and _has_identity(result.study):
         conductivity = result.study.table.electrical_conductivity or np.nan
-        barber = 2.0 * conductivity / result.study.modulus * result.values["stiffness"]
+        barber = 2.0 * conductivity / result.study.modulus * _finite(result.values["stiffness"])
         draw(result.pressures / factor, barber, "x", color=LINE_COLOURS[1], label="from the stiffness (Barber)")
         axes.legend()
     axes.set(xlabel=f"mean pressure [{unit}]", ylabel=f"{quantity.label} [{_printed(quantity.unit)}]")
     axes.grid(visible=True)
+
+
+def _finite(values: Array) -> Array:
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _has_identity(study: RoughStudy) -> bool:
+    """Return whether the stiffness determines the conductance: of hard, perfectly conducting and uncoupled contacts."""
+    return isinstance(study.case.contact_law, Signorini) and study.conducts_perfectly and not study.is_coupled
 
 
 def _printed(unit: str) -> str:

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import math
 from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
@@ -107,11 +108,13 @@ def facts(result: RoughResult) -> dict[str, float | int]:
     Returns
     -------
     dict of str to float or int
-        Statistics by name, the contact modulus [Pa], and whether the surface is periodic (0 or 1).
+        Statistics by name, the root mean square slope of theories, the contact modulus [Pa], and whether the surface is
+        periodic (0 or 1).
     """
     study = result.study
     return {
         **asdict(study.statistics),
+        "theory_slope": study.slope,
         "contact_modulus": study.modulus,
         "is_periodic": int(study.surface.is_periodic),
     }
@@ -151,7 +154,9 @@ def write_rough(folder: Path, result: RoughResult, suffix: str = "png") -> None:
     backends, h5netcdf = import_module("xarray.backends"), import_module("h5netcdf")
     with replacing(folder / DATASET_FILE) as path, sink(path, "w") as stream, h5netcdf.File(stream, "w") as file:
         dataset(result).dump_to_store(backends.H5NetCDFStore(file))
-    for name, text in ((TABLE_FILE, csv_text(result)), (STATISTICS_FILE, json.dumps(facts(result), indent=1) + "\n")):
+    # JSON has no numbers that are not finite
+    statistics = {name: value if math.isfinite(value) else None for name, value in facts(result).items()}
+    for name, text in ((TABLE_FILE, csv_text(result)), (STATISTICS_FILE, json.dumps(statistics, indent=1) + "\n")):
         with replacing(folder / name) as path:
             path.write_text(text, encoding="utf-8")
     for name, figure in ((SURFACE_PICTURE, surface_figure(result)), (CONTACT_PICTURE, contact_figure(result))):

@@ -15,7 +15,7 @@ from meeframe.model.solve import reduce, solve_steps
 from meeframe.results.records import StepResult, zone_of
 from meeframe.results.result import Interrupted
 from meeframe.study.rough.declare import RoughStudy, conductor
-from meeframe.study.rough.quantities import QUANTITIES, Contact, per_drop, stiffness
+from meeframe.study.rough.quantities import QUANTITIES, Contact, is_full, per_drop, stiffness
 from meeframe.study.rough.theory import bush_gibson_thomas_area, persson_area
 from meeframe.system.reduced import Progress, ReducedSystem, silent
 
@@ -32,13 +32,15 @@ class RoughResult:
     study : RoughStudy
         The study.
     values : dict of str to Array
-        Quantities by name, one value for each finished pressure; those that the study does not ask for are absent.
+        Quantities by name, one value for each finished pressure, nan where the increments that they follow from did not
+        converge; those that the study does not ask for are absent.
     status : tuple of str
         Status of each finished pressure: of the first of its increments that did not converge.
     message : tuple of str
         Message of that increment, "" if all converged.
     nodal_pressure : Array
-        Pressure at the nodes (nx, ny) at the last finished pressure [Pa], empty if there is none.
+        Pressure at the nodes (nx, ny) at the last finished pressure [Pa], empty if there is none, nan if it did not
+        converge.
     """
 
     study: RoughStudy
@@ -105,6 +107,7 @@ class _Solution:
     def __init__(self, study: RoughStudy, progress: Progress) -> None:
         self._study, self._progress = study, progress
         self._periodic = study.surface.is_periodic
+        self._height = float(np.abs(study.surface.heights - study.surface.heights.mean()).max())
         self._system = reduce(study.case, progress)
         self._zone = zone_of(self._system)
         self._done, table = 0, study.table
@@ -133,20 +136,24 @@ class _Solution:
             if reference is not None:
                 steps["reference"] = next(reference)
             if study.table.electric_potential:
-                values["capacitance"] = per_drop(contact, self._contact(steps["reference"]) if reference else None)
+                unloaded = self._contact(steps["reference"]) if reference else None
+                values["capacitance"] = per_drop(contact, unloaded, self._has_drop(contact))
             if current is not None:
                 steps["current"] = next(current)
-                values["conductance"] = per_drop(self._contact(steps["current"]))
+                conducting = self._contact(steps["current"])
+                values["conductance"] = per_drop(conducting, has_drop=self._has_drop(conducting))
             if nearby is not None:
                 steps |= {"below": next(nearby), "above": next(nearby)}
                 pair = self._contact(steps["below"]), self._contact(steps["above"])
-                values["stiffness"] = stiffness(*pair, self._periodic)
+                values["stiffness"] = stiffness(*pair, self._periodic, self._height)
             failed = next((step for step in steps.values() if step.status is not Status.CONVERGED), None)
-            yield _Point(values, failed, -steps["main"].traction[:, 2])
+            main_pressure = -steps["main"].traction[:, 2]
+            is_known = steps["main"].status is Status.CONVERGED
+            yield _Point(values, failed, main_pressure if is_known else np.full_like(main_pressure, np.nan))
 
     def _mechanical(self, contact: Contact, pressure: float) -> dict[str, float]:
         """Return the quantities that every study has, with the theories of the area."""
-        relative = np.array(pressure / (self._study.modulus * self._study.statistics.rms_slope_spectrum))
+        relative = np.array(pressure / (self._study.modulus * self._study.slope))
         return {
             "area_fraction": contact.area_fraction,
             "mean_gap": contact.mean_gap,
@@ -156,6 +163,10 @@ class _Solution:
             "persson_area": float(persson_area(relative)),
             "bush_gibson_thomas_area": float(bush_gibson_thomas_area(relative)),
         }
+
+    def _has_drop(self, contact: Contact) -> bool:
+        """Return whether potentials differ across the contact, as they do but in perfect contact of a whole period."""
+        return not (self._periodic and self._study.conducts_perfectly and is_full(contact, self._height))
 
     def _contact(self, step: StepResult) -> Contact:
         return Contact.of(self._zone, step, self._periodic)
@@ -180,15 +191,19 @@ class _Solution:
         yield from self._steps(case, reduce(case))
 
     def _nearby(self) -> Case:
-        """Return the case of pressures just below and above those of the study; insulated unless charges matter."""
+        """Return the case of pressures just below and above those of the study; insulated unless charges matter.
+
+        Where the contact law cannot bear the pressure above, that of the study takes its place.
+        """
         case = self._study.case
         difference = max(MIN_DIFFERENCE, math.sqrt(case.stopping.tolerance))
         charged = self._has_charge and self._study.is_coupled
+        bound = self._study.bound
         steps = [
             replace(step, normal_force=step.normal_force * factor)
-            for step in case.steps
+            for pressure, step in zip(self._study.pressures, case.steps, strict=True)
             if step.normal_force is not None
-            for factor in (1.0 - difference, 1.0 + difference)
+            for factor in (1.0 - difference, 1.0 + difference if pressure * (1.0 + difference) < bound else 1.0)
         ]
         if charged:
             return _at_potential(replace(case, steps=tuple(steps)), self._study.table.electric_potential or 0.0)

@@ -29,7 +29,7 @@ def load_study(source: Path, options: Mapping[str, Any], registry: Registry | No
     source : Path
         A study file (.toml), or a file of heights that the indenter height-map reads.
     options : mapping
-        Keys that replace those of the study file; those of `surface` are merged into it.
+        Keys that replace those of the study file; those of `surface`, and of a range of pressures, are merged into it.
     registry : Registry, optional
         Registry in which names are looked up; by default everything that is installed.
 
@@ -53,6 +53,9 @@ def load_study(source: Path, options: Mapping[str, Any], registry: Registry | No
     if is_study and "mesh" in tables:
         raise CaseError(f"{source}: is a case file; allowed: a study of a rough surface, see docs/howto/rough.md")
     added = dict(options)
+    pressures = tables.get("pressures"), added.get("pressures")
+    if all(isinstance(choice, Mapping) for choice in pressures):
+        added["pressures"] = {**tables["pressures"], **added["pressures"]}
     extra = added.pop("surface", {})
     if extra:
         surface = tables.get("surface")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from meeframe.plugin import Array, CaseError, HeightMap, Quantity, check_file, open_hdf5, read_npy
 from meeframe_halfspace.instrument_files import is_binary, read_instrument
+from meeframe_halfspace.text_table import TextTable, read_text
 
 AnyArray = NDArray[Any]
 
@@ -53,19 +54,21 @@ def read_height_map(file: str | Path, scales: Scales | None = None) -> HeightMap
     file
         One of these formats:
 
-        - .npy, .h5, .hdf5: a matrix (rows along y, columns along x, ascending) or rows (x, y, height). - Surfer ASCII
-        grid (DSAA), ESRI ASCII grid (ncols, nrows, ...). - Text: a matrix or rows as above. Lines with # are comments,
-        of which '# Width: 20 um', '# Height: 20 um' and
-          '# Value units: nm' define the size of a matrix and the unit of its numbers unless `scales` do; other lines
-          before the first number are skipped.
-        - Other binary files: those of instruments, by SurfaceTopography if it is installed.
+        - .npy, .h5, .hdf5: a matrix (rows along y, columns along x, ascending) or rows (x, y, height).
+        - Surfer ASCII grid (DSAA), ESRI ASCII grid (ncols, nrows, ...).
+        - Text: a matrix or rows as above, with decimal points, or with decimal commas if blanks or semicolons separate
+          the numbers. Entries such as BAD or *** are missing. Lines with # are comments, of which '# Width: 20 um',
+          '# Height: 20 um' and '# Value units: nm' define the size of a matrix and the unit of its numbers unless
+          `scales` do; other lines without numbers before the heights are skipped.
+        - Other binary files, and text with another header: those of instruments, by SurfaceTopography if it is
+          installed.
     scales
         Properties that the file does not define.
 
     Raises
     ------
     CaseError
-        If the file cannot be read or does not form a full rectangular grid; the message names it.
+        If the file cannot be read or does not form a rectangular grid; the message names it.
     """
     path, scales = Path(file), scales or Scales()
     try:
@@ -94,7 +97,7 @@ class _Reader:
 def _reader(path: Path) -> _Reader:
     check_file(path, MAX_BYTES)
     suffix = path.suffix.lower()
-    with path.open(encoding="utf-8", errors="replace") as text:
+    with path.open(encoding="utf-8-sig", errors="replace") as text:
         first = text.readline(100).split()
     if suffix == ".npy":
         return _Reader(_read_npy, "one array of real numbers as numpy.save writes it, a matrix or rows (x, y, height)")
@@ -128,7 +131,7 @@ def _read_hdf5(path: Path, scales: Scales) -> HeightMap:
 
 
 def _read_surfer(path: Path, scales: Scales) -> HeightMap:
-    tokens = path.read_text(encoding="utf-8").split()
+    tokens = read_text(path).split()
     if len(tokens) < 9:
         raise ValueError("its header is incomplete")
     nx, ny = int(tokens[1]), int(tokens[2])
@@ -139,7 +142,7 @@ def _read_surfer(path: Path, scales: Scales) -> HeightMap:
 
 
 def _read_esri(path: Path, scales: Scales) -> HeightMap:
-    tokens = path.read_text(encoding="utf-8").split()
+    tokens = read_text(path).split()
     header: dict[str, float] = {}
     while len(tokens) > 1 and tokens[0][0].isalpha():
         header[tokens[0].lower()] = float(tokens[1])
@@ -162,21 +165,29 @@ def _read_instrument(path: Path, scales: Scales) -> HeightMap:
 
 
 def _read_text(path: Path, scales: Scales) -> HeightMap:
-    lines = path.read_text(encoding="utf-8").splitlines()
-    header = {match[1].lower(): match[2].strip() for line in lines if (match := _MATRIX_HEADER.match(line))}
-    rows = [line.partition("#")[0].replace(",", " ").replace(";", " ").split() for line in lines]
-    numbers = [row for row in rows if row]
-    while numbers and not _is_number(numbers[0][0]):
-        numbers = numbers[1:]
-    if not numbers or len({len(row) for row in numbers}) != 1:
-        raise ValueError("rows of unequal length" if numbers else "no numbers in it")
-    array = np.array(numbers, float)
+    text = read_text(path)
+    header = {match[1].lower(): match[2].strip() for line in text.splitlines() if (match := _MATRIX_HEADER.match(line))}
+    table = TextTable.of(text)
+    if table.unknown is not None and (scales.unit is None or scales.spacing is None):
+        return _read_exported(path, scales, table.unknown)
+    array = table.numbers()
     if scales.unit is None and "value units" in header:
         scales = replace(scales, unit=_length(header, "value units", "1 "))
     if scales.spacing is None and "width" in header and "height" in header:
         width, height = (_length(header, key) for key in ("width", "height"))
         scales = replace(scales, spacing=(width / array.shape[1], height / array.shape[0]))
     return _from_array(array, scales)
+
+
+def _read_exported(path: Path, scales: Scales, line: str) -> HeightMap:
+    """Return the map of a text whose header meeframe does not know. Raises ValueError, naming the line."""
+    try:
+        return read_instrument(path, scales.unit, scales.spacing, scales.dataset)
+    except (CaseError, ValueError) as error:
+        raise ValueError(
+            f"{line}: neither a comment nor heights, and perhaps a unit or a size; begin it with # and give the keys "
+            f"unit and spacing, or lateral_unit ({error})"
+        ) from None
 
 
 def _length(header: dict[str, str], key: str, before: str = "") -> float:
@@ -187,38 +198,49 @@ def _length(header: dict[str, str], key: str, before: str = "") -> float:
         raise ValueError(f"# {key}: {header[key]}: {error}") from None
 
 
-def _is_number(token: str) -> bool:
-    try:
-        float(token)
-    except ValueError:
-        return False
-    return True
-
-
 def _from_array(array: Array, scales: Scales) -> HeightMap:
     """Return the map of rows (x, y, height) if there are three columns and no spacing is known, else of a matrix."""
     _check_matrix(array)
     if scales.spacing is not None:
+        if array.shape[1] == 3 and _grid_of(array) is not None:
+            raise ValueError("its three columns are x, y and height, which need no spacing; leave it out")
         (dx, dy), (ny, nx) = scales.spacing, array.shape
         return _matrix(dx * np.arange(nx), dy * np.arange(ny), array.astype(float), scales)
     if array.shape[1] != 3:
         size = f"{array.shape[0]} x {array.shape[1]}"
         raise ValueError(f'a matrix of {size} heights needs a key such as spacing = ["10 um", "10 um"]')
-    x, column = np.unique(array[:, 0], return_inverse=True)
-    y, row = np.unique(array[:, 1], return_inverse=True)
-    if len(array) != len(x) * len(y) or len(np.unique(column * len(y) + row)) != len(array):
+    grid = _grid_of(array)
+    if grid is None:
+        counts = [len(np.unique(column)) for column in array.T[:2]]
         raise ValueError(
-            f"{len(array)} rows with {len(x)} different x and {len(y)} different y do not form a full grid"
+            f"{len(array)} rows with {counts[0]} different x and {counts[1]} different y do not form a full grid"
         )
-    heights = np.empty((len(y), len(x)))
-    heights[row, column] = array[:, 2]
+    x, y, heights = grid
     return _matrix(x * scales.lateral_unit, y * scales.lateral_unit, heights, scales)
+
+
+def _grid_of(rows: Array) -> tuple[AnyArray, AnyArray, Array] | None:
+    """Return x (nx,), y (ny,) and heights (ny, nx) of rows (x, y, height), nan where there is no row.
+
+    None if they do not form a grid: if two rows are at one point, or most points of the grid have no row.
+    """
+    x, column = np.unique(rows[:, 0], return_inverse=True)
+    y, row = np.unique(rows[:, 1], return_inverse=True)
+    if not len(x) * len(y) / 2 < len(rows) <= len(x) * len(y):
+        return None
+    if len(np.unique(column * len(y) + row)) != len(rows):
+        return None
+    heights = np.full((len(y), len(x)), np.nan)
+    heights[row, column] = rows[:, 2]
+    return x, y, heights
 
 
 def _check_matrix(array: Any) -> None:
     """Raise ValueError unless an array, or a dataset, is a matrix of real numbers."""
-    if array.ndim != 2 or array.dtype.kind not in "fiu" or min(array.shape) < 2:
+    if array.ndim != 2 or array.dtype.kind not in "fiu":
         raise ValueError(f"{array.dtype} {array.shape} in it")
+    if min(array.shape) < 2:
+        raise ValueError(f"{array.shape[0]} x {array.shape[1]} numbers in it; a map has at least 2 x 2")
 
 
 def _reshape(heights: Array, rows: int, columns: int) -> Array:

@@ -11,6 +11,7 @@ from meeframe.plugin import CaseError, HeightMap, Quantity, open_hdf5
 
 _SAMPLE: Final = 2**16
 """Number of bytes at the beginning of a file that show whether it is text."""
+_NO_SIZE: Final = 'no physical size in it: needs a key such as spacing = ["1 um", "1 um"]'
 _METRE: Final = Quantity("m", gt=0, lt=float("inf"))
 
 
@@ -58,17 +59,17 @@ def read_instrument(
         with open_hdf5(path):
             pass  # the readers below follow references to other files
     try:
-        from SurfaceTopography import open_topography
-    except ImportError as error:
-        raise CaseError(
-            f"height map {path}: a binary file; SurfaceTopography reads those of many instruments ({error}): pip "
-            "install 'meeframe-halfspace[instruments]'"
-        ) from None
-    try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
+            from SurfaceTopography import open_topography
+
             with open_topography(str(path)) as reader:
                 return _height_map(_channel(reader, channel), unit, spacing)
+    except ImportError as error:
+        raise CaseError(
+            f"height map {path}: SurfaceTopography reads files of many instruments, binary files among them ({error}): "
+            "pip install 'meeframe-halfspace[instruments]'"
+        ) from None
     except ValueError:
         raise
     except Exception as error:  # its readers raise any kind of exception for damaged files
@@ -77,26 +78,33 @@ def read_instrument(
 
 
 def _channel(reader: Any, name: str | None) -> Any:
-    """Return the topography of a channel. Raises ValueError if there is none of this name."""
+    """Return a channel. Raises ValueError if there is none of this name."""
     if name is None:
-        return reader.topography()
+        return reader.default_channel
     names = [str(channel.name) for channel in reader.channels]
     if name not in names:
         raise ValueError(f"dataset = {name!r}; the channels in the file are {', '.join(names)}")
-    return reader.topography(channel_index=names.index(name))
+    return reader.channels[names.index(name)]
 
 
-def _height_map(topography: Any, unit: float | None, spacing: tuple[float, float] | None) -> HeightMap:
-    heights = np.ma.filled(np.ma.asarray(topography.heights(), float), np.nan)
-    if heights.ndim != 2:
+def _height_map(channel: Any, unit: float | None, spacing: tuple[float, float] | None) -> HeightMap:
+    if len(channel.nb_grid_pts) != 2:
         raise ValueError("a line scan, not a map")
+    sizes = channel.physical_sizes
+    if sizes is None and spacing is not None:  # its readers want a size, and take none beside that of a file
+        given = tuple(step * count for step, count in zip(spacing, channel.nb_grid_pts, strict=True))
+        topography = channel.topography(physical_sizes=given)
+    elif sizes is None:
+        raise ValueError(_NO_SIZE)
+    else:
+        topography = channel.topography()
+    heights = np.ma.filled(np.ma.asarray(topography.heights(), float), np.nan)
     metres = _metres(topography.unit)
     if unit is None and metres is None:
         raise ValueError('no unit of heights in it: needs a key such as unit = "1 nm"')
     if spacing is None:
-        sizes = topography.physical_sizes
-        if sizes is None or metres is None:
-            raise ValueError('no physical size in it: needs a key such as spacing = ["1 um", "1 um"]')
+        if metres is None:
+            raise ValueError(_NO_SIZE)
         spacing = tuple(metres * float(size) / count for size, count in zip(sizes, heights.shape, strict=True))
     x, y = (step * np.arange(count) for step, count in zip(spacing, heights.shape, strict=True))
     height_unit = metres if unit is None else unit

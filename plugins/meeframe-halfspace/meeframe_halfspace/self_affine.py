@@ -67,7 +67,7 @@ class SelfAffine(Indenter):
         longest = self.period if self.roll_off is None else self.roll_off
         if not self.shortest <= longest <= self.period:
             raise CaseError(
-                f"self-affine: shortest = {self.shortest!r} m, roll-off {longest!r} m, period = {self.period!r} m; "
+                f"self-affine: shortest = {self.shortest!r} m, roll_off = {longest!r} m, period = {self.period!r} m; "
                 "allowed: shortest <= roll_off <= period"
             )
         if self.period > MAX_SAMPLES / SAMPLES_PER_WAVE * self.shortest:
@@ -78,6 +78,12 @@ class SelfAffine(Indenter):
         minimum = 2 * _max_wave_number(self) + 1
         if self.samples is not None and self.samples < minimum:
             raise CaseError(f"self-affine: samples = {self.samples!r}; the shortest wave needs at least {minimum}")
+
+    @property
+    def grid_shape(self) -> tuple[int, int]:
+        """Numbers of samples along x and y."""
+        count = self.samples or SAMPLES_PER_WAVE * (_max_wave_number(self) + 1)
+        return count, count
 
     def surface(self) -> Array:
         """Return the heights about their mean, (samples, samples) [m].
@@ -130,7 +136,7 @@ def _waves(surface: SelfAffine) -> tuple[Array, Array, Array]:
 @lru_cache(maxsize=2)
 def _surface(surface: SelfAffine) -> Array:
     numbers, amplitudes, phases = _waves(surface)
-    count = surface.samples or SAMPLES_PER_WAVE * (_max_wave_number(surface) + 1)
+    count, _ = surface.grid_shape
     spectrum = np.zeros((count, count), complex)
     # phases refer to the corner of the period, half a sample before the first one
     waves = amplitudes / 2.0 * np.exp(1j * (phases + np.pi / count * numbers.sum(axis=1)))

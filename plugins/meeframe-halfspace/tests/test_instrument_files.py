@@ -55,6 +55,19 @@ def test_file_of_gwyddion(tmp_path):
     assert MeasuredHeights(path).height(np.array([x]), np.array([y])) == pytest.approx(0.0, abs=1e-20)
 
 
+def test_file_without_size_and_unit(tmp_path):
+    """A tile of the Shuttle Radar Topography Mission holds nothing but heights, line by line."""
+    pytest.importorskip("SurfaceTopography")
+    path, heights = tmp_path / "map.hgt", 256 + np.arange(256).reshape(16, 16)
+    path.write_bytes(heights.astype(">i2").tobytes())
+    surface = read_height_map(path, Scales(unit=1e-9, spacing=(1e-6, 3e-6)))
+    np.testing.assert_allclose(surface.heights, 1e-9 * heights.T)
+    assert surface.spacing == pytest.approx((1e-6, 3e-6))
+    for scales, key in ((Scales(unit=1e-9), "spacing"), (Scales(spacing=(1e-6, 1e-6)), "unit")):
+        with pytest.raises(CaseError, match=rf"map\.hgt: .*needs a key such as {key} = "):
+            read_height_map(path, scales)
+
+
 def test_unknown_channels_and_damaged_files(tmp_path):
     pytest.importorskip("SurfaceTopography")
     path = gwyddion(tmp_path / "map.gwy")
@@ -70,5 +83,7 @@ def test_unknown_channels_and_damaged_files(tmp_path):
 
 def test_message_without_the_package(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
-    with pytest.raises(CaseError, match=r"map\.gwy: a binary file.*pip install 'meeframe-halfspace\[instruments\]'"):
+    with pytest.raises(
+        CaseError, match=r"map\.gwy: SurfaceTopography reads .*pip install 'meeframe-halfspace\[instruments\]'"
+    ):
         read_height_map(gwyddion(tmp_path / "map.gwy"))

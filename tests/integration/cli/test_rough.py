@@ -92,9 +92,13 @@ def test_height_map_with_options(tmp_path):
     [
         (["--material", "steel", "--modulus", "1 GPa"], "allowed: one of them"),
         (["--pressure", "1 MPa", "--from", "2 MPa"], "allowed: one of them"),
-        (["--modulus", "1 GPa", "--pressure", "1 m"], "pressures"),
+        (["--modulus", "1 GPa", "--pressure", "1 m"], "study.toml: pressures[1] = '1 m': has the wrong unit"),
+        (["--modulus", "1 GPa", "--pressure", "nan Pa"], "study.toml: pressures[1] = 'nan Pa': "),
+        (["--modulus", "1 GPa", "--count", "20000"], "study.toml: pressures.count = 20000: "),
+        (["--modulus", "-200 GPa"], "--modulus -200 GPa: must be > 0"),
         (["--material", "stel"], "steel"),
         (["--modulus", "1 GPa", "--samples", "2"], "samples"),
+        (["--modulus", "1 GPa", "--samples", "100000000"], "samples = 100000000: a run with at least "),
         (["--modulus", "1 GPa", "--hardness", "soft"], "hardness"),
         ([], "material: missing"),
     ],
@@ -124,13 +128,38 @@ def test_other_files_are_refused(tmp_path, study):
     assert "is a case file" in case.output
 
 
-@pytest.mark.full
-def test_exit_status_of_loads_beyond_the_hardness(study, tmp_path):
+def test_loads_beyond_the_hardness_are_refused(study, tmp_path):
     done = invoke(study, "--out", tmp_path / "out", "--hardness", "0.8 GPa")
+    assert done.exit_code == 2, done.output
+    assert "pressures: 1e+09 Pa; allowed: less than the hardness of the contact law, 8e+08 Pa" in done.output
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.full
+def test_exit_status_without_convergence(study, tmp_path):
+    study.write_text(study.read_text() + "[solver]\nmax_iterations = 1\n")
+    done = invoke(study, "--out", tmp_path / "out", "--hardness", "inf")
     assert done.exit_code == 1, done.output
-    assert "more than the contact law admits" in done.output
     rows = (tmp_path / "out" / "rough.csv").read_text().splitlines()
-    assert [row.rsplit(",", 1)[1] for row in rows[1:]] == ["converged", "stalled"]
+    assert all(row.split(",")[1] == "nan" and not row.endswith(",converged") for row in rows[1:])
+
+
+@pytest.mark.full
+def test_options_replace_keys_of_a_range(study, tmp_path):
+    text = study.read_text().replace('["0.5 GPa", "1 GPa"]', '{ from = "0.5 GPa", to = "2 GPa", count = 9 }')
+    study.write_text("stiffness = false\n" + text)
+    done = invoke(study, "--out", tmp_path / "out", "--count", 3, "--to", "1 GPa")
+    assert done.exit_code == 0, done.output
+    rows = (tmp_path / "out" / "rough.csv").read_text().splitlines()
+    np.testing.assert_allclose([float(row.split(",")[0]) for row in rows[1:]], [0.5e9, 0.5e9 * 2**0.5, 1e9])
+
+
+def test_implausible_units_are_warned_of(tmp_path):
+    """Heights in nanometres that are read as metres have a slope far beyond that of any surface."""
+    path = heights(tmp_path / "map.npy", 8)
+    done = invoke(path, "--out", tmp_path / "out", "--modulus", "70 GPa", "--spacing", "0.5 um", "--pressure", "1 MPa")
+    assert "warning: the root mean square slope" in done.output
+    assert "another unit" in done.output
 
 
 @pytest.mark.full

@@ -2,9 +2,12 @@
 
 import csv
 import io
+import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from meeframe_halfspace import SelfAffine
 
 import meeframe
 from meeframe.common.errors import CaseError
@@ -12,7 +15,9 @@ from meeframe.material import library_material
 from meeframe.material.half_space import axisymmetric_compliance
 from meeframe.plugin.registry import load
 from meeframe.study.rough.declare import declare, mean_response
+from meeframe.study.rough.figures import contact_figure
 from meeframe.study.rough.files import csv_text, dataset
+from meeframe.study.rough.quantities import QUANTITIES
 from meeframe.study.rough.run import solve_rough
 from meeframe.study.rough.theory import BUSH_GIBSON_THOMAS, PERSSON, bush_gibson_thomas_area, persson_area
 
@@ -239,8 +244,15 @@ def test_python_function(tmp_path):
     [
         ({"pressures": ["2 GPa", "1 GPa"]}, "larger than the one before"),
         ({"pressures": []}, "at least one"),
-        ({"pressures": ["1 mm"]}, r"pressures.*wrong unit"),
-        ({"pressures": {"from": "1 GPa", "to": "2 GPa", "count": 1}}, r"count"),
+        ({"pressures": ["1 mm"]}, r"^pressures\[1\] = '1 mm': has the wrong unit"),
+        ({"pressures": [1e9, float("nan")]}, r"^pressures\[2\] = nan: is not a number"),
+        ({"pressures": "1 mm"}, r"^pressures = '1 mm': has the wrong unit; .*, a list of them, or a range"),
+        ({"pressures": 0}, r"^pressures = 0: must be > 0"),
+        ({"pressures": {"from": "1 GPa", "to": "2 GPa", "count": 1}}, r"^pressures\.count = 1: "),
+        ({"pressures": {"from": "1 GPa", "to": "2 GPa", "count": 20000}}, r"^pressures\.count = 20000: .* 10000"),
+        ({"pressures": {"from": "1 m"}}, r"^pressures\.from = '1 m': has the wrong unit"),
+        ({"pressures": {"to": "1 GPa", "upto": 1}}, r"^pressures\.upto = 1: unknown key"),
+        ({"pressures": {"from": "1000 GPa"}}, r"^pressures: 1e\+12, .* Pa; allowed: .* larger than the one before"),
         ({"surface": {"name": "sphere", "radius": 1.0}}, "surface: Sphere is not known as heights on a grid"),
         ({"surface": {"name": "self-affine"}}, r"surface.period: missing"),
         ({"surface": {"name": "ridges"}}, r"surface.name.*ridges"),
@@ -259,7 +271,169 @@ def test_messages_name_keys(keys, message):
         study(**keys)
 
 
-def test_flat_surfaces_are_refused():
-    surface = meeframe.topography.HeightMap(np.arange(8.0), np.arange(8.0), np.ones((8, 8)))
+@pytest.mark.parametrize("n", [8, 64])
+@pytest.mark.parametrize("height", [1.0, 1e-6, 0.0])
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+@pytest.mark.parametrize("periodic", [False, True])
+def test_flat_surfaces_are_refused(n, height, tilt, periodic):
+    x = 1e-6 * np.arange(n)
+    surface = meeframe.topography.HeightMap(x, x, height * np.ones((n, n)) + (0.0 if periodic else tilt) * x)
     with pytest.raises(CaseError, match="surface: is flat"):
+        study(surface=surface, periodic=periodic)
+
+
+def test_roughness_far_above_its_reference_is_not_flat():
+    """Heights of some nanometres on an offset of a centimetre are no round-off."""
+    x = 1e-6 * np.arange(32)
+    heights = 1e-9 * np.random.default_rng(0).standard_normal((32, 32))
+    assert study(surface=meeframe.topography.HeightMap(x, x, 1e-2 + heights)).slope == pytest.approx(2e-3, rel=0.1)
+
+
+def test_missing_heights_name_the_surface():
+    surface, _ = wave(8)
+    surface.heights[1, 2] = np.nan
+    with pytest.raises(CaseError, match=r"^surface: .*1 of 32 heights are missing"):
         study(surface=surface)
+
+
+FULL = {"electrical_conductivity": SIGMA, "electric_potential": "2 V"}
+
+
+@pytest.mark.parametrize("samples", [32, 64])
+@pytest.mark.parametrize("material", [COPPER, {"name": "pzt-4"}])
+def test_full_contact_has_no_resistance(samples, material):
+    """Beyond the pressure that flattens all waves, drops and closings are round-off."""
+    surface, pressures = {**SELF_AFFINE, "samples": samples}, ["0.5 GPa", "40 GPa", "200 GPa", "1000 GPa"]
+    result = solve_rough(study(surface=surface, material=material, pressures=pressures, **FULL))
+    assert result.is_converged
+    np.testing.assert_allclose(result.values["area_fraction"][1:], 1.0)
+    for name in ("conductance", "capacitance", "stiffness"):
+        assert 0.0 < result.values[name][0] < np.inf
+        assert (result.values[name][1:] == np.inf).all()
+
+
+def test_films_resist_in_full_contact():
+    """The stiffness is infinite, but not the conductance of a film."""
+    film = {"electric": {"name": "step", "kappa": 3e10}}
+    values = solve_rough(study(pressures=["100 GPa"], electrical_conductivity=SIGMA, conductivity=film)).values
+    assert values["stiffness"][0] == np.inf
+    assert values["conductance"][0] == pytest.approx(3e10, rel=1e-6)
+
+
+def test_infinite_values_are_written_and_not_drawn():
+    result = solve_rough(study(pressures=["0.5 GPa", "1000 GPa"], **FULL))
+    table = csv_text(result).splitlines()
+    assert table[2].count(",inf") == 3
+    panels = {axes.get_ylabel().split(" [")[0]: axes for axes in contact_figure(result).axes}
+    for name in ("conductance", "capacitance", "stiffness"):
+        label = QUANTITIES[name].label
+        for line in panels[label].lines:
+            assert np.isnan(line.get_ydata()[1])
+            assert np.isfinite(line.get_ydata()[0])
+
+
+def crosses(**keys):
+    checked = study(pressures=["0.5 GPa", "1 GPa"], electrical_conductivity=SIGMA, **keys)
+    labels = [line.get_label() for axes in contact_figure(solve_rough(checked)).axes for line in axes.lines]
+    return sum(str(label).startswith("from the stiffness") for label in labels)
+
+
+def test_barber_is_drawn_where_it_holds():
+    assert crosses() == 1
+    assert crosses(conductivity={"electric": {"name": "step", "kappa": float("inf")}}) == 1
+    assert crosses(conductivity={"electric": {"name": "step", "kappa": 3e10}}) == 0
+    assert crosses(contact={"law": {"name": "hardness", "hardness": "30 GPa"}}) == 0
+    assert crosses(material={"name": "pzt-4"}) == 0
+
+
+HARD = {"law": {"name": "hardness", "hardness": "0.8 GPa"}}
+
+
+@pytest.mark.parametrize("pressures", [["0.5 GPa", "0.8 GPa"], {"to": "1 GPa"}, "900 MPa"])
+def test_pressures_from_the_hardness_on_are_refused(pressures):
+    with pytest.raises(
+        CaseError, match=r"^pressures: .* Pa; allowed: less than the hardness of the contact law, 8e\+08 Pa"
+    ):
+        study(contact=HARD, pressures=pressures)
+
+
+def test_default_pressures_are_below_the_hardness():
+    checked = declare({"surface": SELF_AFFINE, "material": COPPER, "contact": HARD}, load())
+    assert checked.pressures[-1] == pytest.approx(0.72e9)
+    assert checked.pressures[0] == pytest.approx(0.024e9)
+    assert len(checked.pressures) == 8
+
+
+def test_stiffness_close_to_the_hardness():
+    result = solve_rough(study(contact=HARD, pressures=["0.79 GPa", "0.79999 GPa"]))
+    assert result.is_converged
+    assert (result.values["stiffness"] > 0.0).all()
+
+
+def test_pressures_without_convergence_have_no_quantities():
+    result = solve_rough(
+        study(pressures=["0.5 GPa", "1 GPa"], electrical_conductivity=SIGMA, solver={"max_iterations": 1})
+    )
+    assert not result.is_converged
+    for name, values in result.values.items():
+        assert np.isnan(values).all() == (name not in ("persson_area", "bush_gibson_thomas_area"))
+    assert np.isnan(result.nodal_pressure).all()
+    assert len(contact_figure(result).axes) > 4
+
+
+def test_ranges_of_pressures_have_defaults():
+    default = declare({"surface": SELF_AFFINE, "material": COPPER}, load()).pressures
+    few = study(pressures={"count": 3}).pressures
+    assert len(few) == 3
+    np.testing.assert_allclose(few[[0, -1]], default[[0, -1]])
+    np.testing.assert_allclose(study(pressures={"to": "1 GPa", "count": 2}).pressures, [default[0], 1e9])
+    np.testing.assert_array_equal(study(pressures="5 MPa").pressures, [5e6])
+    np.testing.assert_array_equal(study(pressures=1e9).pressures, [1e9])
+
+
+def test_samples_beyond_the_memory_are_refused_before_they_are_made():
+    many = {"samples": 10**30}, {"samples": 10**6}, {"surface": {**SELF_AFFINE, "samples": 99_999}}
+    for keys in many:
+        with pytest.raises(
+            meeframe.CaseError, match=r"samples = 1?9?9?9?9?9?0*: a run with at least .* allowed: about"
+        ):
+            study(**keys)
+
+
+def test_implausible_surfaces_are_warned_of():
+    assert study().warnings == ()
+    x = 1e-6 * np.arange(32)
+    rough = np.random.default_rng(0).standard_normal((32, 32))
+    in_nanometres = meeframe.topography.HeightMap(x, x, 20.0 * rough)
+    (steep,) = study(surface=in_nanometres).warnings
+    assert "slope" in steep
+    assert "another unit" in steep
+    assert study(surface=meeframe.topography.HeightMap(x, x, 2e-8 * rough), periodic=True).warnings == ()
+    tilted = meeframe.topography.HeightMap(x, x, 2e-9 * rough + 0.02 * x[:, None], is_periodic=True)
+    (jump,) = study(surface=tilted).warnings
+    assert "jumps" in jump
+    assert "along x" in jump
+    with pytest.warns(UserWarning, match="along x"):
+        meeframe.rough(tilted, COPPER, "10 MPa", stiffness=False)
+
+
+def test_slope_of_theories_is_that_of_the_map():
+    """The slope of a free map is that of its heights about the mean plane, which a window would change."""
+    whole = SelfAffine(1e-3, shortest=1e-3 / 8, hurst=0.8, rms_slope=0.1, samples=64, seed=2).topography()
+    part = meeframe.topography.HeightMap(whole.x[:40], whole.y[:40], whole.heights[:40, :40])
+    checked = declare({"surface": part, "material": COPPER}, load())
+    assert checked.slope == pytest.approx(meeframe.topography.detrend(part).rms_slope, rel=1e-12)
+    assert checked.pressures[-1] == pytest.approx(0.3 * MODULUS * checked.slope, rel=1e-5)
+    tilted = replace(part, heights=part.heights + 0.2 * part.x[:, None])
+    assert study(surface=tilted).slope == pytest.approx(checked.slope, rel=1e-9)
+    assert study(surface=whole).slope == study(surface=whole).statistics.rms_slope_spectrum
+
+
+@pytest.mark.parametrize("shape", [(2, 64), (64, 2), (2, 2)])
+def test_narrow_maps(shape, tmp_path):
+    """A map without inner points has no curvature by differences; JSON has null in its place."""
+    x, y = (1e-6 * np.arange(count) for count in shape)
+    heights = 1e-8 * np.random.default_rng(1).standard_normal(shape)
+    meeframe.rough(meeframe.topography.HeightMap(x, y, heights), COPPER, "1 MPa", tmp_path, stiffness=False)
+    text = (tmp_path / "surface.json").read_text()
+    assert json.loads(text, parse_constant=lambda name: pytest.fail(name))["rms_curvature"] is None

@@ -16,7 +16,7 @@ EXAMPLE = ROOT / "plugins" / "meeframe-halfspace" / "examples" / "rough-study.to
 def test_study_of_the_page_is_the_example():
     shown, _ = re.findall(r"^```toml\n(.*?)^```", PAGE, re.DOTALL | re.M)
     assert tomllib.loads(shown) == tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))
-    assert len(RoughTable.model_validate(tomllib.loads(shown)).chosen_pressures()) == 9
+    assert RoughTable.model_validate(tomllib.loads(shown)).pressures.count == 9
 
 
 def test_all_keys_quantities_and_files_are_listed():

@@ -89,6 +89,22 @@ def test_outliers_are_removed_and_nothing_else():
         topography.remove_outliers(smooth, 0)
 
 
+@pytest.mark.parametrize("cluster", ["plus", "bar", "random"])
+def test_clusters_of_five_outliers_are_removed_and_nothing_else(cluster):
+    smooth = surface(lambda x, y: 1e-6 * np.sin(3e3 * x) * np.cos(2e3 * y))
+    random = np.random.default_rng(2)
+    noisy = smooth.heights + 1e-9 * random.standard_normal(smooth.heights.shape)
+    points = {
+        "plus": [(15, 12), (14, 12), (16, 12), (15, 11), (15, 13)],
+        "bar": [(15, j) for j in range(10, 15)],
+        "random": [(13 + n // 5, 10 + n % 5) for n in random.choice(25, 5, replace=False)],
+    }[cluster]
+    for i, j in points:
+        noisy[i, j] += 1e-6
+    found = np.argwhere(~np.isfinite(topography.remove_outliers(HeightMap(X, Y, noisy), 20.0).heights))
+    np.testing.assert_array_equal(found, sorted(points))
+
+
 @pytest.mark.parametrize("shape", [(48, 40), (20, 25), (33, 17), (16, 12), (15, 13)])
 def test_resampling_of_periodic_maps_is_exact_for_resolved_waves(shape):
     def wave(nx, ny):
