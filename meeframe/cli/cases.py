@@ -45,10 +45,13 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
     """Check a case file without running it."""
     with console.exit_status():
         with console.loading():
+            from meeframe.common.errors import named_in
             from meeframe.mesh import find_contact_zone
             from meeframe.model.load import load_case
 
             loaded = load_case(case, console.registry(plugin))
+            with named_in(str(case)):
+                loaded.check_memory_of_run()
         steps = len(loaded.steps)
         nodes = len(find_contact_zone(loaded.mesh, loaded.zone).points)
         name = printable(loaded.material.name or "without a name")

@@ -1,6 +1,7 @@
 """Errors that a user can cause and correct; any other exception is a defect of meeframe."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from itertools import islice
 from typing import Final
 
@@ -44,6 +45,17 @@ class PluginFault(PluginError):
 
 class ResultError(MeeframeError):
     """A result cannot be written or read."""
+
+
+@contextmanager
+def named_in(file: str) -> Iterator[None]:
+    """Name the case file, if there is one, in errors of the case that are found only when it is solved."""
+    try:
+        yield
+    except (CaseError, MaterialError, MeshError) as error:
+        if file not in str(error):
+            error.args = (f"{file}: {error}",)
+        raise
 
 
 def _shortened(line: str) -> str:

@@ -42,8 +42,17 @@ def usable_memory() -> int:
     systems and containers limit jobs.
     """
     limits = [os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"), *control_group_limits()]
-    of_process, _ = resource.getrlimit(resource.RLIMIT_AS)
-    return min(limits if of_process == resource.RLIM_INFINITY else [*limits, of_process])
+    addresses, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return min(limits if addresses == resource.RLIM_INFINITY else [*limits, addresses - _unused_addresses()])
+
+
+def _unused_addresses() -> int:
+    """Return the bytes that are mapped but not in memory: libraries and stacks of threads reserve many."""
+    try:
+        mapped, resident = map(int, Path("/proc/self/statm").read_text(encoding="ascii").split()[:2])
+    except (OSError, ValueError):  # not Linux
+        return 0
+    return (mapped - resident) * os.sysconf("SC_PAGE_SIZE")
 
 
 def control_group_limits(
@@ -59,7 +68,7 @@ def control_group_limits(
         Folder of the groups. In a container, its top is the group of the container.
     """
     try:
-        lines = membership.read_text(encoding="utf-8").splitlines()
+        lines = membership.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:  # not Linux
         return
     for line in lines:

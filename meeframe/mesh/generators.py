@@ -175,7 +175,7 @@ def half_space_mesh(
     Raises
     ------
     MeshError
-        If a size or a number is out of bounds, or as TooLargeError if a run needs more memory than the machine has.
+        If a size or a number is out of bounds, or as TooLargeError if a run needs more memory than the process may use.
     """
     half, contact, cells = _lengths_per_axis(half_width), _lengths_per_axis(contact_width), _counts_per_axis(divisions)
     _check_sizes(half, 1.0, contact)
@@ -191,7 +191,7 @@ def half_space_mesh(
 
 
 def _check_memory(cells: tuple[int, int]) -> None:
-    """Raise TooLargeError if a run with a grid of so many cells needs more memory than the machine has."""
+    """Raise TooLargeError if a run with a grid of so many cells needs more memory than the process may use."""
     nodes = (cells[0] + 1) * (cells[1] + 1)
     required, available = BYTES_PER_NODE * nodes, usable_memory()
     if required > available:

@@ -110,7 +110,7 @@ class Case(CaseData):
     MeshError, CaseError
         If the parts do not fit together. The message names the problem: a face group that does not exist; a condition
         on the contact zone; a body that the formulation refuses (a rigid motion or a potential that nothing fixes); an
-        indenter that is nowhere above the zone; a grid that needs more memory than the machine has; a contact law whose
+        indenter that is nowhere above the zone; a grid that needs too much memory; a contact law whose
         initial gap is not finite or that has not one traction for each node; a conductivity law likewise; a surface
         that does not cover the zone; a second body whose zone does not match; a first step that neither moves nor
         presses the indenter; a step without the duration that the contact law needs; a step that rolls where material
@@ -128,7 +128,7 @@ class Case(CaseData):
         _check_keys("potentials", self.potentials, [scalar.value_name for scalar in self.fields.scalars])
         check_contact_zone(self.mesh, self.zone)
         check_body(self.formulation, self.body)
-        check_memory(self.mesh, self.contact_law, self.channels, self.output.has_reports)
+        check_memory(self.mesh, self.contact_law, self.channels)
         self.formulation.check(self.body)
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")
@@ -166,6 +166,10 @@ class Case(CaseData):
         law_of_increment(self.contact_law, np.zeros(len(contact_zone.points)), self.steps[0].increment_duration)
         check_solver(self, self.solver)
 
+    def check_memory_of_run(self) -> None:
+        """Raise TooLargeError if a run that writes the files of the case needs more memory than the process may use."""
+        check_memory(self.mesh, self.contact_law, self.channels, self.output.has_reports)
+
     @property
     def _undetermined_levels(self) -> set[int]:
         """Fields of either body whose level heat flow leaves undetermined."""
@@ -195,7 +199,7 @@ class Case(CaseData):
             return (
                 *preflight(kinematics),
                 *unused_potentials(kinematics),
-                *memory_warning(self.mesh, self.contact_law, self.channels, self.output.has_reports),
+                *memory_warning(self.mesh, self.contact_law, self.channels),
                 *coarse_zone(self.second_body, self.mesh, self.zone),
                 *unused_friction_heat(self.friction_heat, self.steps),
             )

@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from meeframe.common.errors import MeeframeError, MeshError
+from meeframe.common.errors import MeeframeError, MeshError, TooLargeError
 from meeframe.contact.channels import flux_channels
 from meeframe.contact.problem import Solver
 from meeframe.formulations.base import check_body, check_layered
@@ -63,7 +63,8 @@ def locate_in_second_body(error: MeeframeError, table: SecondBodyTable, body: Bo
 
 
 def _locate(error: MeeframeError, table: CaseTable | SecondBodyTable, body: Body, checks: Iterator[Check]) -> Problem:
-    if isinstance(error, MeshError):  # other errors need no check of the mesh, which takes long on a large grid
+    # other errors need no check of the mesh, which takes long on a large grid
+    if isinstance(error, MeshError) and not isinstance(error, TooLargeError):
         checks = chain([(Problem(("mesh",), ""), partial(check_mesh, body.mesh))], checks)
     problem = _failed_check(error, table, body, checks)
     if isinstance(error, TableError):
@@ -115,7 +116,7 @@ def _case_checks(
     yield Problem(("title",), "", table.title), partial(check_title, table.title)
     zone = table.contact.zone
     laws = table.contact.law, flux_channels(*table.conductivity.laws.values(), fields=body.fields)
-    yield Problem(("mesh",), ""), partial(check_memory, body.mesh, *laws, table.output.figures or table.output.vtu)
+    yield Problem(("mesh",), ""), partial(check_memory, body.mesh, *laws)
     yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record
     yield Problem(("indenter",), ""), partial(check_indenter, table.indenter.named, placement, body.mesh, zone)

@@ -58,13 +58,10 @@ def check_memory(
         )
 
 
-def memory_warning(
-    mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChannel], has_reports: bool = False
-) -> Iterator[str]:
+def memory_warning(mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChannel]) -> Iterator[str]:
     """Yield a warning if a run on the grid of a half space needs much of the memory that the process may use."""
     if mesh.grid is None:
         return
-    nodes = mesh.grid[0] * mesh.grid[1]
-    required, available = required_memory(nodes, law, channels, has_reports), usable_memory()
+    required, available = required_memory(mesh.grid[0] * mesh.grid[1], law, channels), usable_memory()
     if required > NOTICED_FRACTION * available:
         yield f"the run needs about {required / 1e9:.3g} GB of the {available / 1e9:.3g} GB that this process may use"

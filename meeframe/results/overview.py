@@ -3,6 +3,7 @@
 import json
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any, Final, NamedTuple, Protocol, final, overload
 
 import numpy as np
@@ -60,9 +61,10 @@ class Peaks:
         tractions or nodes that stick, and slip if there is friction or wear.
         """
         for field in schema.nodal_fields(step.fields):
-            largest = float(np.abs(field.values(zone, step)).max())
+            values = field.values(zone, step)
+            largest = float(np.nanmax(np.abs(values), initial=0.0))
             self.values[field.name] = max(self.values.get(field.name, 0.0), largest)
-            if largest > 0.0 and field.phenomenon not in {schema.FRICTION, schema.SLIP}:  # smooth surfaces slip, too
+            if values.any() and field.phenomenon not in {schema.FRICTION, schema.SLIP}:  # smooth surfaces slip, too
                 self.phenomena.add(field.phenomenon)
         if step.traction[:, :2].any() or (step.region == Region.STICK).any():
             self.phenomena.add(schema.FRICTION)
@@ -119,7 +121,8 @@ class StoredSteps(Sequence[StepResult]):
     def __getitem__(self, index: int | slice) -> StepResult | tuple[StepResult, ...]:
         numbers = range(len(self))[index]  # IndexError if there is none
         chosen = numbers if isinstance(numbers, range) else [numbers]
-        steps = {number: step for number, step in enumerate(self) if number in chosen}
+        read = islice(enumerate(self), max(chosen, default=-1) + 1)
+        steps = {number: step for number, step in read if number in chosen}
         return tuple(steps[number] for number in numbers) if isinstance(numbers, range) else steps[numbers]
 
 

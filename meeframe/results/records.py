@@ -287,6 +287,8 @@ class StepResult:
     if not TYPE_CHECKING:  # type checkers know that other attributes do not exist
 
         def __getattr__(self, name: str) -> Never:
+            if hasattr(type(self), name):  # a property failed; its error is the cause
+                object.__getattribute__(self, name)
             hint = renaming(name)
             raise AttributeError(f"StepResult has no attribute {name!r}{'; ' * bool(hint)}{hint}", name=name, obj=self)
 

@@ -505,6 +505,6 @@ def shown_totals(view: View, values: Sequence[Mapping[str, Any]], fields: FieldS
 def is_present(row: NodalField | BoundaryField | Total, phenomena: Collection[str]) -> bool:
     """Return whether a quantity belongs to one of the phenomena of a result.
 
-    They are scalar fields, by name, FRICTION, SLIP and WEAR; "" always is present.
+    They are scalar fields, by name, FRICTION, SLIP, WEAR and "attraction"; "" always is present.
     """
     return row.phenomenon in {"", *phenomena}

@@ -1,5 +1,6 @@
 """Fields on the whole boundary for ParaView."""
 
+import shutil
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, Final, final
@@ -48,7 +49,8 @@ class FieldsWriter:
     zone : Zone
         Contact zone.
     phenomena : collection of str
-        Phenomena of the increments; they may be added while increments pass.
+        Phenomena of the increments (`schema.is_present`). Scalar fields that are not among them are written where they
+        are not zero.
     """
 
     def __init__(self, folder: Path, zone: Zone, phenomena: Collection[str]) -> None:
@@ -84,14 +86,21 @@ class FieldsWriter:
                 encoding="utf-8",
             )
 
+    def discard(self) -> None:
+        """Remove the files of the series, which nothing lists before `finish`."""
+        shutil.rmtree(self._folder / SERIES, ignore_errors=True)
+
     def _write_member(self) -> None:
         """Write the file of the last increment with boundary fields into the folder of the series."""
         if self._last is None:
             return
         number, step = self._last
-        name = f"{number:04d}.vtu"
-        (self._folder / SERIES).mkdir(exist_ok=True)
-        with replacing(self._folder / SERIES / name) as path:
+        name, series = f"{number:04d}.vtu", self._folder / SERIES
+        try:
+            series.mkdir(exist_ok=True)
+        except OSError as error:
+            raise ResultError(f"folder {series} cannot be written: {error.strerror or error}") from None
+        with replacing(series / name) as path:
             self._write(path, step)
         self._entries.append(f'<DataSet timestep="{number}" part="0" file="{SERIES}/{name}"/>')
 
@@ -157,9 +166,10 @@ def _contact(
     """
     points, nodes = _matched(zone, boundary)
     for field in schema.nodal(schema.View.VTK, step.fields).values():
-        if not schema.is_present(field, phenomena):
-            continue
         values = _global_values(zone, step, field)
+        is_scalar_field = field.phenomenon in step.fields.names
+        if not schema.is_present(field, phenomena) and not (is_scalar_field and values.any()):
+            continue
         shape = (len(boundary.points), *values.shape[1:])
         extended = np.zeros(shape, np.int8) if field.integer else np.full(shape, np.nan)
         extended[points] = values[nodes]

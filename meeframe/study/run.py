@@ -1,24 +1,26 @@
 """Run of a case into files: every finished increment, then result.h5, summary.json, figures and fields.vtu."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from meeframe.common.errors import CaseError, MaterialError, MeshError
+import numpy as np
+
+from meeframe.common.errors import named_in
+from meeframe.fields import N_MECHANICAL, THERMAL_FIELD
+from meeframe.mesh.body import Body
 from meeframe.model.case import Case
 from meeframe.model.clock import Clock, peak_memory_mb
 from meeframe.model.load import load_case
-from meeframe.model.solve import provenance, reduce, solve_steps
+from meeframe.model.solve import bodies_of, provenance, reduce, solve_steps
 from meeframe.plugin.registry import Registry
 from meeframe.results.figures import write_figures
 from meeframe.results.files import ResultWriter, stored_steps
 from meeframe.results.output import RESULT_FILE, SUMMARY_FILE, clear_output, open_output, replacing
-from meeframe.results.overview import Peaks, StoredSteps, overview
+from meeframe.results.overview import StoredSteps, overview
 from meeframe.results.records import zone_of
 from meeframe.results.result import Interrupted, Result
-from meeframe.results.schema import loaded_fields
+from meeframe.results.schema import FRICTION, SLIP, WEAR, loaded_fields
 from meeframe.results.selection import Choice
 from meeframe.results.summary import summary_json
 from meeframe.results.vtk import FieldsWriter
@@ -72,19 +74,9 @@ def run(
     clock("reading", 0.0)
     loaded = case if isinstance(case, Case) else load_case(case, registry)
     folder = Path(out)
-    with open_output(folder, overwrite), _naming("" if isinstance(case, Case) else str(case)):
+    with open_output(folder, overwrite), named_in("" if isinstance(case, Case) else str(case)):
+        loaded.check_memory_of_run()
         return _Run(loaded, folder, clock, held).run()
-
-
-@contextmanager
-def _naming(file: str) -> Iterator[None]:
-    """Name the case file, if there is one, in errors of the case that are found only when it is solved."""
-    try:
-        yield
-    except (CaseError, MaterialError, MeshError) as error:
-        if file not in str(error):
-            error.args = (f"{file}: {error}",)
-        raise
 
 
 def stored_fields(case: Case) -> frozenset[str]:
@@ -98,6 +90,29 @@ def stored_fields(case: Case) -> frozenset[str]:
     if case.output.fields is None:
         return loaded
     return frozenset(case.output.fields) | (loaded_fields(True) - loaded_fields(False) if needed else frozenset())
+
+
+def possible_phenomena(case: Case) -> set[str]:
+    """Return the phenomena that increments of a case may show, by which its files have the same fields at all times.
+
+    See `meeframe.results.schema.is_present`.
+    """
+    friction = case.restart is not None or bool(case.contact_law.tangential_scaling().any())
+    phenomena = {FRICTION, SLIP} if friction else set()
+    if case.wear is not None:
+        phenomena |= {WEAR, SLIP}
+    for number, (scalar, channel) in enumerate(zip(case.fields.scalars, case.channels, strict=True), N_MECHANICAL):
+        is_heated = scalar.name == THERMAL_FIELD.name and max(case.friction_heat, case.joule_heat) > 0.0
+        if channel.is_conducting or is_heated or any(_acts_on(body, number) for _, body in bodies_of(case)):
+            phenomena.add(scalar.name)
+    return phenomena
+
+
+def _acts_on(body: Body, number: int) -> bool:
+    """Return whether loads or boundary conditions of a body act on the scalar field of a column."""
+    stiffnesses = [body.stiffness, *(layer.material.stiffness for layer in body.layers.layers)]
+    coupled = any(np.delete(stiffness[:, number], number, axis=1).any() for stiffness in stiffnesses)
+    return coupled or any(condition.field == number and np.any(condition.data) for condition in body.conditions)
 
 
 class _Run:
@@ -134,8 +149,8 @@ class _Run:
         self._result = result
         writer = ResultWriter(self._folder, result, stored_fields(self._case))
         output = self._case.output
-        peaks = result.steps.peaks if isinstance(result.steps, StoredSteps) else Peaks()
-        drawn, fields = Choice(output.step), FieldsWriter(self._folder, result.zone, peaks.phenomena)
+        drawn = Choice(output.step)
+        fields, failure = FieldsWriter(self._folder, result.zone, possible_phenomena(self._case)), None
         try:
             for step in solve_steps(self._case, system, self._clock):
                 self._clock("writing", 0.0)
@@ -147,20 +162,27 @@ class _Run:
                 if isinstance(result.steps, StoredSteps):
                     result.steps.add(result.zone, step)
                 else:
-                    peaks.add(result.zone, step)
                     self._result = result = replace(result, steps=(*result.steps, step))
                 if output.figures:
                     drawn.add(step, overview(step, result.zone))
-                if output.vtu and step.boundary is not None:
-                    self._clock("fields", 0.0)
-                if output.vtu:
-                    fields.add(step)
-            if output.vtu:
-                self._clock("fields", 0.0)
-                fields.finish()
+                if output.vtu and failure is None:
+                    if step.boundary is not None:
+                        self._clock("fields", 0.0)
+                    try:
+                        fields.add(step)
+                    except Exception as error:  # the other increments are solved all the same
+                        failure = error
             if output.figures:
                 self._clock("figures", 0.0)
                 write_figures(result, self._folder, drawn.step)
+            if failure is not None:
+                raise failure
+            if output.vtu:
+                self._clock("fields", 0.0)
+                fields.finish()
+        except BaseException:
+            fields.discard()
+            raise
         finally:
             if result.steps:
                 result = self._finish(writer, result)

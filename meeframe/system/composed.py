@@ -16,7 +16,7 @@ from typing import Final, TypeVar, final
 
 import numpy as np
 
-from meeframe.fields import Array, Indices
+from meeframe.fields import TANGENTIAL, Array, Indices
 from meeframe.system.capabilities import (
     AnyArray,
     ApproximateInverse,
@@ -39,7 +39,6 @@ from meeframe.system.capabilities import (
 from meeframe.system.reduced import NodalFields, Progress, ReducedSystem, silent
 
 C = TypeVar("C")
-TANGENTIAL: Final = (0, 1)
 ROUND_OFF: Final = 1e-14
 
 
@@ -289,7 +288,7 @@ class ComposedSystem(
         if any(len({of_field.get(other) for other in term.closure([field])}) > 1 for field in chosen):
             return None
         inverse = _required(term.system, ApproximateInverse).series_inverse
-        return self._rescaled(partial(inverse, resistances=resistances), chosen, resistances)
+        return self._rescaled(lambda some: inverse(some, resistances), chosen, resistances)
 
     def _rescaled(
         self,

@@ -115,14 +115,16 @@ def _kit_of(kind: Kind, magnitudes: Magnitudes) -> tuple[Callable[..., None], di
         Kind.INDENTER: (check_indenter, {}),
         Kind.ELEMENT: (check_element, {}),
         Kind.FORMULATION: (check_formulation, {}),
-        Kind.FUNDAMENTAL_SOLUTION: (check_fundamental_solution, {"stiffness": _anisotropic_stiffness()}),
+        Kind.FUNDAMENTAL_SOLUTION: (_check_fundamental_solution, {}),
     }
     return kits[kind]
 
 
-def _anisotropic_stiffness() -> Any:
+def _check_fundamental_solution(solution: Any, **further: Any) -> None:
+    """Check a fundamental solution for an anisotropic material, unless another stiffness is given."""
     rotation = rotation_about(np.array([1.0, 2.0, 0.5]), 0.8)
-    return scaled_stiffness(library_material("orthotropic-mee").rotated(rotation))
+    stiffness = scaled_stiffness(library_material("orthotropic-mee").rotated(rotation))
+    check_fundamental_solution(solution, **{"stiffness": stiffness, **further})
 
 
 def _samples(entry: Entry) -> dict[str, float]:

@@ -70,7 +70,7 @@ class DenseBEM(Formulation):
         MeshError
             If the mesh is not a closed surface with outward normals.
         TooLargeError
-            If the matrices do not fit into the memory of this machine.
+            If the matrices do not fit into the memory that the process may use.
         CaseError
             If boundary conditions contradict each other, touch the contact zone or leave a field undetermined, or if
             heat acts on the other fields of a semi-infinite body.

@@ -208,7 +208,7 @@ class HierarchicalBEM(PersistentFormulation):
 
 
 def _check_memory(unknowns: int, tolerance: float) -> None:
-    """Raise TooLargeError if the matrices and factors are larger than the memory of the machine."""
+    """Raise TooLargeError if the matrices and factors are larger than the memory that the process may use."""
     digits = -np.log10(BLOCK_TOLERANCE_RATIO * tolerance)
     needed = 8.0 * unknowns * min(3.0 * unknowns, NUMBERS_PER_DIGIT * digits * max(1.0, np.log2(unknowns / 1e3)))
     available = usable_memory()

@@ -21,6 +21,7 @@ from meeframe.model.memory import BASE_BYTES, required_memory
 from meeframe.model.step import Step
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind
+from meeframe.study.run import run
 
 NODES = 200 * 200
 FILE = """
@@ -72,6 +73,33 @@ def test_each_loaded_field_counts():
     assert with_both - with_charges == pytest.approx(with_charges - friction)
 
 
+def test_a_mesh_that_is_too_large_is_not_checked(machine, tmp_path, monkeypatch):
+    """The check of a mesh would take the time and the memory that the message saves."""
+    file = tmp_path / "case.toml"
+    file.write_text(FILE, encoding="utf-8")
+    machine(BASE_BYTES)
+
+    def fail(_mesh):
+        raise AssertionError("checked")
+
+    monkeypatch.setattr("meeframe.model.locate.check_mesh", fail)
+    with pytest.raises(CaseError, match=r"mesh: divisions = 199 x 199"):
+        load_case(file)
+
+
+def test_only_runs_count_figures_and_fields(machine, tmp_path):
+    """Solutions in memory, and studies, need the memory of contact alone."""
+    file = tmp_path / "case.toml"
+    file.write_text(FILE, encoding="utf-8")
+    case = load_case(file)
+    machine(required_memory(NODES, case.contact_law, case.channels))
+    assert load_case(file).mesh.grid == (200, 200)
+    with pytest.raises(CaseError, match=r"case\.toml: divisions = 199 x 199: .* allowed"):
+        run(file, tmp_path / "out")
+    file.write_text(FILE + "[output]\nfigures = false\nvtu = false\n", encoding="utf-8")
+    load_case(file).check_memory_of_run()
+
+
 def test_figures_and_fields_count_where_contact_needs_less():
     law, conducting = StepConductivity(1.0), make(conductivity={"electric": StepConductivity(1.0)}).channels
     assert required_memory(NODES, Signorini(), (), True) > required_memory(NODES, Signorini(), ())
@@ -82,7 +110,7 @@ def test_figures_and_fields_count_where_contact_needs_less():
 
 
 def test_a_case_that_exceeds_the_memory_is_refused(machine):
-    required = required_memory(NODES, IsotropicCoulomb(0.3), make().channels, has_reports=True)
+    required = required_memory(NODES, IsotropicCoulomb(0.3), make().channels)
     machine(required + 1)
     assert any("the run needs about" in text for text in make(contact_law=IsotropicCoulomb(0.3)).preflight)
     machine(required - 1)
@@ -119,8 +147,11 @@ def test_limits_of_control_groups(line: str, file: str, tmp_path: Path) -> None:
 
 
 def test_a_limit_of_the_process_counts() -> None:
-    unlimited = usable_memory()
-    words = "from meeframe.common.memory import usable_memory; print(usable_memory())"
-    command = f"ulimit -v {unlimited // 2048}; exec {sys.executable} -c '{words}'"
-    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=True)
-    assert int(done.stdout) == unlimited // 2048 * 1024
+    """Addresses that are mapped but not in memory do not count as memory that may be used."""
+    limit = usable_memory() // 2
+    words = (
+        "import resource; from meeframe.common.memory import usable_memory; "
+        f"resource.setrlimit(resource.RLIMIT_AS, ({limit}, {limit})); print(usable_memory())"
+    )
+    done = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert 0 < int(done.stdout) < limit

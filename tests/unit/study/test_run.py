@@ -11,6 +11,7 @@ from functools import wraps
 from itertools import groupby
 
 import h5py
+import meshio
 import numpy as np
 import pytest
 from rich.console import Console
@@ -19,6 +20,7 @@ import meeframe
 from meeframe.common.errors import CaseError, MaterialError, MeshError, ResultError
 from meeframe.contact.problem import Status
 from meeframe.laws import IsotropicCoulomb, Signorini
+from meeframe.material import Material
 from meeframe.model.case import Output
 from meeframe.model.load import load_case
 from meeframe.results.figures import write_figures
@@ -84,6 +86,34 @@ def test_increments_in_memory_or_not_give_the_same_files(case, tmp_path, fields)
         with h5py.File(tmp_path / name / RESULT_FILE, "r") as file:
             assert ("boundary" in file) == (fields is None), "the fields on the boundary are stored only if chosen"
             assert ("boundary" in file["steps/0002"]) == (fields is None)
+
+
+def test_files_of_a_series_hold_the_same_fields(write_case, registry, tmp_path):
+    """Slips are fields from the beginning, if they may come, and fields that nothing acts on never are."""
+    slides = '\n[[steps]]\ntranslation = ["1 um", 0]\n'
+    case = replace(load_case(write_case(more=slides), registry), contact_law=IsotropicCoulomb(0.3))
+    meeframe.run(replace(case, output=Output(figures=False)), tmp_path / "out")
+    names = [set(meshio.read(path).point_data) for path in sorted((tmp_path / "out" / SERIES).iterdir())]
+    assert names[0] == names[1] == set(meshio.read(tmp_path / "out" / "fields.vtu").point_data)
+    assert {"slip [m]", "electric potential [V]"} <= names[0]
+    assert "worn depth [m]" not in names[0]
+    steel = Material.isotropic(2e11, 0.3)
+    assert run_module.possible_phenomena(replace(case, material=steel, contact_law=Signorini())) == set()
+
+
+def test_fields_that_cannot_be_written_cost_nothing_else(case, tmp_path, monkeypatch):
+    """All increments are solved, stored and drawn before the message, and no part of a series stays."""
+
+    def fail(*_):
+        raise ResultError("no space left")
+
+    monkeypatch.setattr("meeframe.results.vtk.write_vtu", fail)
+    more = replace(case, steps=(*case.steps, replace(case.steps[1], approach=3e-5)))
+    with pytest.raises(ResultError, match="no space left"):
+        meeframe.run(more, tmp_path / "out")
+    assert len(meeframe.read_result(tmp_path / "out").steps) == 3
+    assert (tmp_path / "out" / "pressure.png").exists()
+    assert not (tmp_path / "out" / SERIES).exists()
 
 
 @pytest.mark.full(except_for=1)
@@ -388,8 +418,10 @@ def test_times_are_assigned_to_stages(case, tmp_path, monkeypatch):
     assert {stage: seconds for stage, seconds in least.items() if timings[stage] < seconds} == {}
     first = stages.index("contact")
     increment = ["contact", "diagnostics", "boundary fields", "diagnostics", "writing"]
-    step = [*increment, "fields"]
-    assert [stage for stage, _ in groupby(stages[first:])] == [*step, *step, "figures", "writing"]
+    assert [stage for stage, _ in groupby(stages[first:])] == [
+        *(*increment, "fields", *increment, "fields"),
+        *("figures", "fields", "writing"),
+    ]
 
 
 def slowed(function):
