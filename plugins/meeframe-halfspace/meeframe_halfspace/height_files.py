@@ -186,7 +186,7 @@ def _read_exported(path: Path, scales: Scales, line: str) -> HeightMap:
     except (CaseError, ValueError) as error:
         raise ValueError(
             f"{line}: neither a comment nor heights, and perhaps a unit or a size; begin it with # and give the keys "
-            f"unit and spacing, or lateral_unit ({error})"
+            f"unit and spacing, or lateral_unit ({str(error).removeprefix(f'height map {path}: ')})"
         ) from None
 
 
@@ -202,34 +202,40 @@ def _from_array(array: Array, scales: Scales) -> HeightMap:
     """Return the map of rows (x, y, height) if there are three columns and no spacing is known, else of a matrix."""
     _check_matrix(array)
     if scales.spacing is not None:
-        if array.shape[1] == 3 and _grid_of(array) is not None:
+        if array.shape[1] == 3 and _is_grid(array):
             raise ValueError("its three columns are x, y and height, which need no spacing; leave it out")
         (dx, dy), (ny, nx) = scales.spacing, array.shape
         return _matrix(dx * np.arange(nx), dy * np.arange(ny), array.astype(float), scales)
     if array.shape[1] != 3:
         size = f"{array.shape[0]} x {array.shape[1]}"
         raise ValueError(f'a matrix of {size} heights needs a key such as spacing = ["10 um", "10 um"]')
-    grid = _grid_of(array)
-    if grid is None:
-        counts = [len(np.unique(column)) for column in array.T[:2]]
-        raise ValueError(
-            f"{len(array)} rows with {counts[0]} different x and {counts[1]} different y do not form a full grid"
-        )
-    x, y, heights = grid
+    x, y, heights = _grid_of(array)
     return _matrix(x * scales.lateral_unit, y * scales.lateral_unit, heights, scales)
 
 
-def _grid_of(rows: Array) -> tuple[AnyArray, AnyArray, Array] | None:
+def _is_grid(rows: Array) -> bool:
+    try:
+        _grid_of(rows)
+    except ValueError:
+        return False
+    return True
+
+
+def _grid_of(rows: Array) -> tuple[AnyArray, AnyArray, Array]:
     """Return x (nx,), y (ny,) and heights (ny, nx) of rows (x, y, height), nan where there is no row.
 
-    None if they do not form a grid: if two rows are at one point, or most points of the grid have no row.
+    Raises ValueError if they do not form a grid.
     """
     x, column = np.unique(rows[:, 0], return_inverse=True)
     y, row = np.unique(rows[:, 1], return_inverse=True)
-    if not len(x) * len(y) / 2 < len(rows) <= len(x) * len(y):
-        return None
-    if len(np.unique(column * len(y) + row)) != len(rows):
-        return None
+    size = f"{len(rows)} rows with {len(x)} different x and {len(y)} different y form no grid"
+    if min(len(x), len(y)) < 2:
+        raise ValueError(f"{size} of at least 2 x 2 points")
+    repeated = len(rows) - len(np.unique(column * len(y) + row))
+    if repeated:
+        raise ValueError(f"{size}: {repeated} of them repeat the point of another one")
+    if 2 * len(rows) <= len(x) * len(y):
+        raise ValueError(f"{size}: half of its points or more have no row")
     heights = np.full((len(y), len(x)), np.nan)
     heights[row, column] = rows[:, 2]
     return x, y, heights

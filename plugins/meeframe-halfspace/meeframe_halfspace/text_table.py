@@ -1,6 +1,7 @@
 """Tables of numbers in text files, with any separators, decimal points or commas, and marks of missing numbers."""
 
 import re
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +13,10 @@ from meeframe.plugin import Array
 
 _NUMBER: Final = re.compile(r"(?<!\w)[-+]?\.?\d")
 """The begin of a number in a line; not of a name such as X1."""
-_MISSING: Final = re.compile(r"bad|nan|null|none|void|missing|n/?a|no ?data|-{1,2}|[*?]+|", re.IGNORECASE)
+_MISSING: Final = re.compile(r"bad|nan|null|none|void|missing|n/?a|nodata|-{1,2}|[*?]+|", re.IGNORECASE)
 """Entries of missing heights."""
+_NO_DATA: Final = re.compile(r"\bno data\b", re.IGNORECASE)
+"""The mark of a missing height that has a blank."""
 
 
 def read_text(path: Path) -> str:
@@ -46,12 +49,16 @@ class TextTable:
     @classmethod
     def of(cls, text: str) -> "TextTable":
         """Return the table in a text, in which # starts a comment. Raises ValueError if there is none."""
-        lines = {n: line for n, full in enumerate(text.splitlines(), 1) if (line := full.partition("#")[0].strip())}
+        text = _NO_DATA.sub("nodata", text)
+        # tabs at both ends separate empty entries, except in empty lines after the last row
+        parts = {n: full.partition("#")[0].strip(" ") for n, full in enumerate(text.splitlines(), 1)}
+        last = max((n for n, line in parts.items() if line.strip()), default=0)
+        lines = {n: line for n, line in parts.items() if line and n <= last}
         commas = _has_decimal_commas(lines.values())
         first = next((n for n, line in lines.items() if _is_row(_entries(line, commas))), None)
         if first is None:
             raise ValueError("no row of numbers in it")
-        unknown = (f"line {n}, {line[:80]!r}" for n, line in lines.items() if n < first and _NUMBER.search(line))
+        unknown = (_named(n, line) for n, line in lines.items() if n < first and _NUMBER.search(line))
         return cls({n: line for n, line in lines.items() if n >= first}, commas, next(unknown, None))
 
     def numbers(self) -> Array:
@@ -59,8 +66,12 @@ class TextTable:
         rows = {n: _entries(line, self.decimal_commas) for n, line in self.lines.items()}
         if all(row[-1] == "" for row in rows.values()):  # separators at the ends of lines
             rows = {n: row[:-1] for n, row in rows.items()}
-        if len({len(row) for row in rows.values()}) != 1:
-            raise ValueError("rows of unequal length")
+        if all(row[0] == "" for row in rows.values()):
+            rows = {n: row[1:] for n, row in rows.items()}
+        ((most, _),) = Counter(len(row) for row in rows.values()).most_common(1)
+        for n, row in rows.items():
+            if len(row) != most:
+                raise ValueError(f"{_named(n, self.lines[n])}: {len(row)} entries, where most lines have {most}")
         try:
             return np.array(list(rows.values()), float)
         except ValueError:
@@ -69,16 +80,21 @@ class TextTable:
             )
         for (n, row), values in zip(rows.items(), array, strict=True):
             if np.isnan(values).all() and not _is_row(row):
-                raise ValueError(f"line {n}, {' '.join(row)[:80]!r}: no number in it")
+                raise ValueError(f"{_named(n, self.lines[n])}: no number in it")
         return array
 
 
-def _has_decimal_commas(texts: Iterable[str]) -> bool:
-    """Return whether commas in lines of numbers are decimal ones. Raises ValueError if that is uncertain.
+def _named(number: int, line: str) -> str:
+    return f"line {number}, {line.strip()[:80]!r}"
 
-    Commas between blanks or semicolons are decimal, and those beside blanks, or alone in a line, separate numbers.
+
+def _has_decimal_commas(texts: Iterable[str]) -> bool:
+    """Return whether commas in rows are decimal ones. Raises ValueError if that is uncertain.
+
+    Only lines without words count, as headers may have other commas. Commas between blanks or semicolons are decimal,
+    and those beside blanks, or alone in a line, separate numbers.
     """
-    numbers = [text for text in texts if "," in text and _NUMBER.match(text)]
+    numbers = [text.strip() for text in texts if "," in text and _is_row(_entries(text, False))]
     words = [word for text in numbers if len(row := re.split(r"[;\s]+", text)) > 1 for word in row if "," in word]
     inside = [word for word in words if "," in word.strip(",")]
     if not inside:
@@ -92,15 +108,17 @@ def _has_decimal_commas(texts: Iterable[str]) -> bool:
 
 
 def _entries(text: str, decimal_commas: bool) -> list[str]:
-    """Return the entries of a line; "" between two separators."""
+    """Return the entries of a line; "" between two separators, which tabs are if there are no others."""
     if decimal_commas:
         text = text.replace(",", ".")
-    return re.split(r"\s*[;,]\s*|\s+", text) if ";" in text or "," in text else text.split()
+    if ";" in text or "," in text:
+        return re.split(r"\s*[;,]\s*|\s+", text.strip())
+    return re.split(r"[^\S\t]*\t[^\S\t]*|\s+", text) if "\t" in text else text.split()
 
 
 def _is_row(entries: list[str]) -> bool:
-    """Return whether a line consists of numbers and missing heights."""
-    return all(_is_number(entry) or _MISSING.fullmatch(entry) for entry in entries)
+    """Return whether a line consists of numbers and missing heights, which may be empty but for one."""
+    return any(entries) and all(not entry or _is_number(entry) or _MISSING.fullmatch(entry) for entry in entries)
 
 
 def _is_number(token: str) -> bool:

@@ -1,5 +1,7 @@
 """Text files of heights with decimal commas, byte order marks, missing points and headers are read, or refused."""
 
+import sys
+
 import numpy as np
 import pytest
 from meeframe_halfspace import Scales, read_height_map
@@ -37,6 +39,14 @@ def test_uncertain_commas_are_refused(tmp_path, content):
         read_height_map(tmp_path / "map.txt", STEPS)
 
 
+@pytest.mark.parametrize("head", ["10,5 um x 10,5 um\n", "3 x 3 pixels, 10,5 um\n", "0.5 um, 10,5 x 10,5\n"])
+@pytest.mark.parametrize(("separator", "comma"), [(",", False), (", ", False), ("\t", True), (";", True)])
+def test_headers_do_not_decide_on_commas(tmp_path, head, separator, comma):
+    path = written(tmp_path / "map.txt", ROWS, separator, comma, head)
+    surface = read_height_map(path, Scales(unit=1.0, spacing=(1.0, 1.0)))
+    np.testing.assert_array_equal(surface.heights, np.transpose(ROWS))
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
 def test_encodings(tmp_path, encoding):
     head = "# Width: 8 µm\n# Height: 6 µm\n# Value units: nm\n"
@@ -56,6 +66,8 @@ def test_columns_with_a_spacing_are_refused(tmp_path):
         read_height_map(written(tmp_path / "rows.txt", rows, " "), STEPS)
     matrix = [[0.3, 0.1, 0.2], [0.5, 0.2, 0.4], [0.1, 0.7, 0.6], [0.2, 0.9, 0.8]]
     assert read_height_map(written(tmp_path / "map.txt", matrix, " "), STEPS).shape == (3, 4)
+    constant = [[float(i), 0.0, 1.0] for i in range(4)]
+    assert read_height_map(written(tmp_path / "constant.txt", constant, " "), STEPS).shape == (3, 4)
 
 
 HEADER = "Pixel width: 0.5 um\nWavelength 632.8\n"
@@ -70,6 +82,13 @@ def test_headers_with_numbers_are_refused_by_line(tmp_path):
     np.testing.assert_allclose(known.heights, 1e-9 * np.transpose(ROWS))
 
 
+def test_headers_without_surface_topography_name_the_file_once(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", None)
+    with pytest.raises(CaseError, match=r"line 1, .*pip install") as caught:
+        read_height_map(written(tmp_path / "map.txt", ROWS, " ", head=HEADER), STEPS)
+    assert str(caught.value).count("map.txt") == 1
+
+
 def test_headers_that_surface_topography_knows(tmp_path):
     pytest.importorskip("SurfaceTopography")
     head = "x-pixels = 4\ny-pixels = 3\nx-length = 8\ny-length = 9\nx-unit = um\ny-unit = um\nz-unit = nm\n"
@@ -78,8 +97,8 @@ def test_headers_that_surface_topography_knows(tmp_path):
     assert surface.spacing == pytest.approx((2e-6, 3e-6))
 
 
-@pytest.mark.parametrize("mark", ["BAD", "***", "n/a", "--", "NaN", "void"])
-@pytest.mark.parametrize("separator", [" ", ";", ","])
+@pytest.mark.parametrize("mark", ["BAD", "***", "n/a", "--", "NaN", "void", "no data", "NoData"])
+@pytest.mark.parametrize("separator", [" ", ";", ",", "\t"])
 def test_missing_points_of_a_matrix(tmp_path, mark, separator):
     rows = [[mark, *ROWS[0][1:]], ROWS[1], [*ROWS[2][:3], mark], [mark] * 4]
     surface = read_height_map(written(tmp_path / "map.txt", rows, separator, head="a b c d\n"), STEPS)
@@ -89,10 +108,17 @@ def test_missing_points_of_a_matrix(tmp_path, mark, separator):
     np.testing.assert_array_equal(surface.heights, expected.T)
 
 
-def test_empty_entries_are_missing(tmp_path):
-    (tmp_path / "map.csv").write_text("1,,3,\n4,5,6,\n")
-    surface = read_height_map(tmp_path / "map.csv", STEPS)
-    np.testing.assert_array_equal(surface.heights, [[1.0, 4.0], [np.nan, 5.0], [3.0, 6.0]])
+@pytest.mark.parametrize("separator", [",", ";", "\t", " \t "])
+@pytest.mark.parametrize("end", ["", "{0}"])
+@pytest.mark.parametrize("start", ["", "{0}"])
+def test_empty_entries_are_missing(tmp_path, separator, start, end):
+    """Separators that begin or end all lines are no entries."""
+    rows = "1{0}{0}3", "4{0}5{0}6", "{0}8{0}9", "10{0}11{0}"
+    lines = [(start + row + end).format(separator) for row in rows]
+    (tmp_path / "map.csv").write_text("\n".join([*lines, "\t\t", ""]))
+    surface = read_height_map(tmp_path / "map.csv", Scales(unit=1.0, spacing=(1.0, 1.0)))
+    nan = np.nan
+    np.testing.assert_array_equal(surface.heights, [[1.0, 4.0, nan, 10.0], [nan, 5.0, 8.0, 11.0], [3.0, 6.0, 9.0, nan]])
 
 
 def test_missing_points_of_columns(tmp_path):
@@ -109,6 +135,21 @@ def test_missing_points_of_columns(tmp_path):
 def test_lines_of_text_between_heights_are_refused(tmp_path):
     (tmp_path / "map.txt").write_text("1 2\n3 4\nend here\n")
     with pytest.raises(CaseError, match="line 3, 'end here': no number in it"):
+        read_height_map(tmp_path / "map.txt", STEPS)
+
+
+@pytest.mark.parametrize("empty", ["\t\t", ";;"])
+def test_empty_rows_between_heights_are_refused(tmp_path, empty):
+    (tmp_path / "map.txt").write_text(f"1 2 3\n{empty}\n4 5 6\n")
+    with pytest.raises(CaseError, match=r"line 2, .*no number in it"):
+        read_height_map(tmp_path / "map.txt", STEPS)
+
+
+@pytest.mark.parametrize("text", ["1;2;3\n1;2\n4;5;6\n", "3 3\n1 2 3\n4 5 6\n"])
+def test_lines_of_another_length_are_named(tmp_path, text):
+    (tmp_path / "map.txt").write_text(text)
+    number = 2 if ";" in text else 1
+    with pytest.raises(CaseError, match=f"line {number}, '.*': 2 entries, where most lines have 3"):
         read_height_map(tmp_path / "map.txt", STEPS)
 
 
