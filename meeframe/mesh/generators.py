@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from typing import Annotated, Final
 
 import numpy as np
@@ -26,6 +27,8 @@ from meeframe.mesh.surface import GridBlocks, SurfaceMesh
 BLOCK_GROUPS: Final = ("contact", "top", "side_x-", "side_x+", "side_y-", "side_y+", "base")
 BOX_GROUPS: Final = ("x-", "x+", "y-", "y+", "z-", "z+")
 
+BASE_BYTES: Final = 270_000_000
+"""Memory of Python, its libraries and compiled kernels."""
 BYTES_PER_NODE: Final = 145
 """Memory of a run without friction, conduction, figures and fields, per node of the grid of a half space."""
 
@@ -179,7 +182,7 @@ def half_space_mesh(
     """
     half, contact, cells = _lengths_per_axis(half_width), _lengths_per_axis(contact_width), _counts_per_axis(divisions)
     _check_sizes(half, 1.0, contact)
-    _check_memory(cells)
+    check_grid_memory(f"divisions = {cells[0]} x {cells[1]}", (cells[0] + 1) * (cells[1] + 1))
     grid, loops = _top(half, contact, cells, rings, grading or Grading())
     names = BLOCK_GROUPS[:2]
     if isinstance(element, Quad4):
@@ -190,16 +193,25 @@ def half_space_mesh(
     return replace(place_nodes(frame_surface(grid, loops, names), element), semi_infinite=True)
 
 
-def _check_memory(cells: tuple[int, int]) -> None:
-    """Raise TooLargeError if a run with a grid of so many cells needs more memory than the process may use."""
-    nodes = (cells[0] + 1) * (cells[1] + 1)
-    required, available = BYTES_PER_NODE * nodes, usable_memory()
+def check_grid_memory(label: str, nodes: int, bytes_per_node: int = BYTES_PER_NODE) -> None:
+    """Raise TooLargeError if a run on a grid of so many nodes needs more memory than the process may use.
+
+    Parameters
+    ----------
+    label : str
+        Beginning of the message, such as a key with its value.
+    nodes : int
+        Number of nodes.
+    bytes_per_node : int, optional
+        Memory of the run per node; by default that without friction, conduction, figures and fields.
+    """
+    required, available = BASE_BYTES + nodes * bytes_per_node, usable_memory()
     if required > available:
-        most = math.isqrt(available // BYTES_PER_NODE) - 1
+        most = math.isqrt(max(available - BASE_BYTES, 0) // bytes_per_node)
+        gigabytes = Decimal(required) / 10**9  # which may exceed the largest float
         raise TooLargeError(
-            f"divisions = {cells[0]} x {cells[1]}: a run with {nodes} nodes needs at least {required / 1e9:.3g} GB, "
-            f"{BYTES_PER_NODE} bytes per node; this process may use {available / 1e9:.3g} GB; allowed: about "
-            f"{most} x {most}"
+            f"{label}: a run with {nodes} nodes needs at least {gigabytes:.3g} GB; this process may use "
+            f"{available / 1e9:.3g} GB; allowed: about {most} x {most} nodes"
         )
 
 

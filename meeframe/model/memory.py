@@ -1,19 +1,15 @@
 """Memory that a run on a large grid needs, estimated before anything is computed."""
 
-import math
 from collections.abc import Iterable, Iterator
 from typing import Final
 
-from meeframe.common.errors import TooLargeError
 from meeframe.common.memory import usable_memory
 from meeframe.contact.channels import FluxChannel
 from meeframe.fields import N_MECHANICAL
 from meeframe.laws.base import ContactLaw
-from meeframe.mesh.generators import BYTES_PER_NODE
+from meeframe.mesh.generators import BASE_BYTES, BYTES_PER_NODE, check_grid_memory
 from meeframe.mesh.surface import SurfaceMesh
 
-BASE_BYTES: Final = 270_000_000
-"""Memory of Python, its libraries and compiled kernels."""
 BYTES_PER_TANGENTIAL_FIELD: Final = 80
 """Memory per node of each tangential traction.
 
@@ -31,31 +27,26 @@ NOTICED_FRACTION: Final = 0.5
 def required_memory(nodes: int, law: ContactLaw, channels: Iterable[FluxChannel], has_reports: bool = False) -> int:
     """Return the estimated memory of a run on a grid of so many nodes [bytes].
 
-    Friction loads two fields besides the pressure, and each conducting law one. has_reports: with figures or fields for
-    ParaView.
+    has_reports: with figures or fields for ParaView.
     """
+    return BASE_BYTES + nodes * _bytes_per_node(law, channels, has_reports)
+
+
+def _bytes_per_node(law: ContactLaw, channels: Iterable[FluxChannel], has_reports: bool) -> int:
+    """Return the memory per node: friction loads two fields besides the pressure, and each conducting law one."""
     tangential = N_MECHANICAL - 1 if law.tangential_scaling().any() else 0
     fluxes = sum(channel.is_conducting for channel in channels)
     reports = BYTES_PER_NODE_OF_REPORTS if has_reports else 0
-    return BASE_BYTES + nodes * (
-        BYTES_PER_NODE + tangential * BYTES_PER_TANGENTIAL_FIELD + max(fluxes * BYTES_PER_FLUX, reports)
-    )
+    return BYTES_PER_NODE + tangential * BYTES_PER_TANGENTIAL_FIELD + max(fluxes * BYTES_PER_FLUX, reports)
 
 
 def check_memory(
     mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChannel], has_reports: bool = False
 ) -> None:
     """Raise TooLargeError if a run on the grid of a half space needs more memory than the process may use."""
-    if mesh.grid is None:
-        return
-    nodes = mesh.grid[0] * mesh.grid[1]
-    required, available = required_memory(nodes, law, channels, has_reports), usable_memory()
-    if required > available:
-        most = math.isqrt(max(available - BASE_BYTES, 0) * nodes // (required - BASE_BYTES))
-        raise TooLargeError(
-            f"divisions = {mesh.grid[0] - 1} x {mesh.grid[1] - 1}: a run with {nodes} nodes and these laws needs about "
-            f"{required / 1e9:.3g} GB; this process may use {available / 1e9:.3g} GB; allowed: about {most} x {most}"
-        )
+    if mesh.grid is not None:
+        nx, ny = mesh.grid
+        check_grid_memory(f"divisions = {nx - 1} x {ny - 1}", nx * ny, _bytes_per_node(law, channels, has_reports))
 
 
 def memory_warning(mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChannel]) -> Iterator[str]:

@@ -174,7 +174,7 @@ def _table(tables: Mapping[str, Any]) -> RoughTable:
 def _study(table: RoughTable, surface: HeightMap, registry: Registry, folder: Path) -> RoughStudy:
     statistics = SurfaceStatistics.of(surface)
     slope = theory_slope(surface, statistics)
-    first = _case(table, surface, (1.0,), registry, folder)
+    first = _case(table, surface, registry, folder)
     modulus, _ = mean_response(first.material)
     bound = float(largest_pressures(first.contact_law, surface.heights.size).mean())
     pressures = mean_pressures(table.pressures, modulus * slope, bound)
@@ -190,10 +190,8 @@ def _extents(surface: HeightMap) -> tuple[float, float]:
     return float(np.ptp(surface.x)), float(np.ptp(surface.y))
 
 
-def _case(
-    table: RoughTable, surface: HeightMap, pressures: tuple[float, ...], registry: Registry, folder: Path
-) -> Case:
-    """Return the case with loads of these forces [N]."""
+def _case(table: RoughTable, surface: HeightMap, registry: Registry, folder: Path) -> Case:
+    """Return the case with a force of 1 N."""
     potential = {} if table.electric_potential is None else {"electric_potential": table.electric_potential}
     conductivity = dict(table.conductivity)
     if potential:
@@ -214,7 +212,7 @@ def _case(
         "conductivity": conductivity,
         "formulation": {"name": FORMULATION, "periodic": surface.is_periodic, **table.formulation},
         "solver": table.solver,
-        "steps": [{"normal_force": pressure} for pressure in pressures],
+        "steps": [{"normal_force": 1.0}],
     }
     return case_from_tables({key: value for key, value in tables.items() if value != {}}, registry, folder)
 

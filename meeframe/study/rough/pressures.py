@@ -40,8 +40,13 @@ class RangeTable(Table):
     scale: Literal["log", "linear"] = "log"
 
     def values(self, first: float, last: float) -> tuple[float, ...]:
-        """Return the pressures [Pa]; first and last are the default ends."""
+        """Return the pressures [Pa]; first and last are the default ends. Raises TableError if they do not increase."""
         start, end = (given or float(f"{default:.6g}") for given, default in ((self.from_, first), (self.to, last)))
+        if not start < end:
+            if self.to is None:
+                raise TableError(Problem(("pressures", "from"), f"must be < {end:g} Pa, the default of to", start))
+            kind = "the default" if self.from_ is None else "the value"
+            raise TableError(Problem(("pressures", "to"), f"must be > {start:g} Pa, {kind} of from", end))
         digits = 12 if self.from_ or self.to else 6
         spaced = np.geomspace if self.scale == "log" else np.linspace
         return tuple(float(f"{value:.{digits}g}") for value in spaced(start, end, self.count))

@@ -155,6 +155,8 @@ def stiffness(below: Contact, above: Contact, is_periodic: bool, height: float) 
 def per_drop(contact: Contact, reference: Contact | None = None, has_drop: bool = True) -> float:
     """Return the charge or current per area over the potential drop that causes it; inf without a drop.
 
+    It is nan if one of the contacts did not converge.
+
     Parameters
     ----------
     contact : Contact
@@ -167,4 +169,6 @@ def per_drop(contact: Contact, reference: Contact | None = None, has_drop: bool 
     charge = contact.charge_density - (reference.charge_density if reference else 0.0)
     drop = contact.potential_drop - (reference.potential_drop if reference else 0.0)
     scale = max(contact.max_potential, reference.max_potential if reference else 0.0)
-    return charge / drop if has_drop and not abs(drop) <= ROUND_OFF * scale else np.inf
+    if has_drop and not abs(drop) <= ROUND_OFF * scale:
+        return charge / drop
+    return charge if np.isnan(charge) else np.inf

@@ -53,9 +53,14 @@ def load_study(source: Path, options: Mapping[str, Any], registry: Registry | No
     if is_study and "mesh" in tables:
         raise CaseError(f"{source}: is a case file; allowed: a study of a rough surface, see docs/howto/rough.md")
     added = dict(options)
-    pressures = tables.get("pressures"), added.get("pressures")
-    if all(isinstance(choice, Mapping) for choice in pressures):
-        added["pressures"] = {**tables["pressures"], **added["pressures"]}
+    chosen = added.get("pressures")
+    if "pressures" in tables and isinstance(chosen, Mapping):
+        if not isinstance(tables["pressures"], Mapping):
+            raise CaseError(
+                f"{source}: pressures: is no range, whose {', '.join(chosen)} could be replaced; allowed: a range with "
+                "from, to and count, or pressures in place of those of the file"
+            )
+        added["pressures"] = {**tables["pressures"], **chosen}
     extra = added.pop("surface", {})
     if extra:
         surface = tables.get("surface")

@@ -1,6 +1,5 @@
 """The surface of a study: its heights at the nodes of the contact, its slope, and warnings about both."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final
@@ -8,11 +7,10 @@ from typing import Any, Final
 import numpy as np
 
 from meeframe.common.errors import CaseError, TooLargeError
-from meeframe.common.memory import usable_memory
 from meeframe.indenters.base import Indenter
 from meeframe.indenters.topography import HeightMap, SurfaceStatistics, detrend, resample, topography_of
 from meeframe.indenters.topography.preparation import check_full
-from meeframe.mesh.generators import BYTES_PER_NODE
+from meeframe.mesh.generators import check_grid_memory
 from meeframe.plugin.registry import Kind, Registry
 from meeframe.plugin.validation import Problem, TableError
 
@@ -48,19 +46,19 @@ def prepare_surface(description: Any, periodic: bool | None, samples: int | None
     TableError
         If heights are missing, spacings differ, or there is no such surface.
     TooLargeError
-        If a run needs more memory than there is, before heights are made.
+        If a run needs more memory than the process may use, before heights are made.
     """
     try:
         if samples is not None:
-            _check_memory((samples, 2), "samples")
+            check_grid_memory(f"samples = {samples}", 2 * samples)  # a map has at least two columns
         surface = description if isinstance(description, HeightMap) else _map_of(description, registry)
         if periodic is not None:
             surface = replace(surface, is_periodic=periodic)
         if samples is not None and samples != surface.shape[0]:
             shape = samples, max(2, round(samples * surface.shape[1] / surface.shape[0]))
-            _check_memory(shape, "samples")
+            check_grid_memory(f"samples = {samples}", shape[0] * shape[1])
             surface = resample(surface, shape)
-        _check_memory(surface.shape, "surface")
+        check_grid_memory("surface", surface.heights.size)
         _ = surface.spacing
         check_full(surface, "heights")
         return surface
@@ -72,22 +70,11 @@ def prepare_surface(description: Any, periodic: bool | None, samples: int | None
         raise TableError(Problem(("surface",), str(error))) from error.__cause__
 
 
-def _check_memory(shape: tuple[int, int], key: str) -> None:
-    """Raise TooLargeError if a run on a grid needs more memory than the machine has."""
-    required, available = shape[0] * shape[1] * BYTES_PER_NODE, usable_memory()
-    if required > available:
-        most = math.isqrt(available // BYTES_PER_NODE)
-        raise TooLargeError(
-            f"{key} = {shape[0]}: a run with at least {shape[0]} x {shape[1]} nodes needs {required // 10**9} GB; "
-            f"this process may use {available / 1e9:.3g} GB; allowed: about {most} x {most} nodes"
-        )
-
-
 def _map_of(description: Any, registry: Registry) -> HeightMap:
     indenter: Indenter = registry.create(Kind.INDENTER, description)
     shape = getattr(indenter, "grid_shape", None)
     if shape is not None:
-        _check_memory(shape, "surface.samples")
+        check_grid_memory(f"surface.samples = {shape[0]}", shape[0] * shape[1])
     surface = topography_of(indenter)
     if surface is None:
         raise CaseError(

@@ -15,9 +15,10 @@ from meeframe.indenters import Sphere
 from meeframe.laws import IsotropicCoulomb, Signorini, StepConductivity
 from meeframe.material import library_material
 from meeframe.mesh import half_space_mesh
+from meeframe.mesh.generators import BASE_BYTES
 from meeframe.model.case import Case
 from meeframe.model.load import load_case
-from meeframe.model.memory import BASE_BYTES, required_memory
+from meeframe.model.memory import required_memory
 from meeframe.model.step import Step
 from meeframe.plugin import registry as plugins
 from meeframe.plugin.registry import Kind
@@ -47,7 +48,12 @@ normal_force = 1.0
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Return a function that sets the memory of the machine in bytes."""
-    return lambda size: monkeypatch.setattr("meeframe.model.memory.usable_memory", lambda: int(size))
+
+    def limit(size: int) -> None:
+        for module in ("mesh.generators", "model.memory"):
+            monkeypatch.setattr(f"meeframe.{module}.usable_memory", lambda: size)
+
+    return limit
 
 
 def make(**changes: Any) -> Case:

@@ -3,7 +3,7 @@
 import csv
 import io
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from meeframe.plugin.registry import load
 from meeframe.study.rough.declare import declare, mean_response
 from meeframe.study.rough.figures import contact_figure
 from meeframe.study.rough.files import csv_text, dataset
-from meeframe.study.rough.quantities import QUANTITIES
+from meeframe.study.rough.quantities import QUANTITIES, Contact, per_drop
 from meeframe.study.rough.run import solve_rough
 from meeframe.study.rough.theory import BUSH_GIBSON_THOMAS, PERSSON, bush_gibson_thomas_area, persson_area
 
@@ -252,7 +252,12 @@ def test_python_function(tmp_path):
         ({"pressures": {"from": "1 GPa", "to": "2 GPa", "count": 20000}}, r"^pressures\.count = 20000: .* 10000"),
         ({"pressures": {"from": "1 m"}}, r"^pressures\.from = '1 m': has the wrong unit"),
         ({"pressures": {"to": "1 GPa", "upto": 1}}, r"^pressures\.upto = 1: unknown key"),
-        ({"pressures": {"from": "1000 GPa"}}, r"^pressures: 1e\+12, .* Pa; allowed: .* larger than the one before"),
+        ({"pressures": {"from": "1000 GPa"}}, r"^pressures\.from = 1e\+12: must be < .*e\+09 Pa, the default of to$"),
+        ({"pressures": {"to": "1 kPa"}}, r"^pressures\.to = 1000\.0: must be > .*e\+08 Pa, the default of from$"),
+        (
+            {"pressures": {"from": "2 GPa", "to": "1 GPa"}},
+            r"^pressures\.to = 1000000000\.0: must be > 2e\+09 Pa, the value of from$",
+        ),
         ({"surface": {"name": "sphere", "radius": 1.0}}, "surface: Sphere is not known as heights on a grid"),
         ({"surface": {"name": "self-affine"}}, r"surface.period: missing"),
         ({"surface": {"name": "ridges"}}, r"surface.name.*ridges"),
@@ -391,13 +396,32 @@ def test_ranges_of_pressures_have_defaults():
     np.testing.assert_array_equal(study(pressures=1e9).pressures, [1e9])
 
 
-def test_samples_beyond_the_memory_are_refused_before_they_are_made():
-    many = {"samples": 10**30}, {"samples": 10**6}, {"surface": {**SELF_AFFINE, "samples": 99_999}}
-    for keys in many:
-        with pytest.raises(
-            meeframe.CaseError, match=r"samples = 1?9?9?9?9?9?0*: a run with at least .* allowed: about"
-        ):
-            study(**keys)
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"samples": 10**6}, "samples = 1000000: a run with 2000000 nodes needs at least 0.56 GB"),
+        ({"samples": 10**30}, f"samples = {10**30}: a run with {2 * 10**30} nodes needs at least 2.90e+23 GB"),
+        ({"samples": 10**400}, f"samples = {10**400}: a run with {2 * 10**400} nodes needs at least 2.90e+393 GB"),
+        (
+            {"surface": {**SELF_AFFINE, "samples": 9999}},
+            "surface.samples = 9999: a run with 99980001 nodes needs at least 14.8 GB",
+        ),
+    ],
+)
+def test_samples_beyond_the_memory_are_refused_before_they_are_made(monkeypatch, keys, message):
+    monkeypatch.setattr("meeframe.mesh.generators.usable_memory", lambda: 500_000_000)
+    end = "; this process may use 0.5 GB; allowed: about 1259 x 1259 nodes"
+    with pytest.raises(meeframe.CaseError) as caught:
+        study(**keys)
+    assert str(caught.value) == message + end
+
+
+def test_capacitance_is_unknown_where_the_reference_is():
+    names = [field.name for field in fields(Contact)]
+    full, failed = (Contact(**dict.fromkeys(names, value)) for value in (0.0, np.nan))
+    assert np.isnan(per_drop(full, failed, has_drop=False))
+    assert np.isnan(per_drop(failed, full, has_drop=False))
+    assert per_drop(full, full, has_drop=False) == np.inf
 
 
 def test_implausible_surfaces_are_warned_of():
