@@ -109,6 +109,7 @@ def _solved(problem: ContactProblem) -> Array:
     return solution.state.load
 
 
+@pytest.mark.full
 def test_action_and_reaction_balance_up_to_discretisation() -> None:
     """Force, charge and magnetic flux of contact and supports balance, increasingly so on finer meshes."""
     coarse, fine = imbalance(Quad4(), 4, 2, 1), imbalance(Quad4(), 6, 4, 3)

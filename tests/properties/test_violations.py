@@ -44,6 +44,7 @@ def slip_violation(problem: ContactProblem, normal: Array, share: Array, associa
     return computed["slip"]
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("ratio", [1.0, 30.0, 999.0])
 def test_full_sliding_across_unequal_coefficients(ratio: float) -> None:
     """A small traction is correct where mu2 is small: M^2 scales the slip by the squared ratio."""

@@ -128,6 +128,7 @@ def test_unreadable_solution_is_an_error_unless_replaced(tmp_path):
     np.testing.assert_allclose(read_solution(path).r, [1.0, 0, 0])
 
 
+@pytest.mark.full
 def test_unconverged_increment_is_not_written(tmp_path):
     path = tmp_path / "a.hdf5"
     rng = np.random.default_rng(1)

@@ -112,6 +112,7 @@ def test_half_space_by_all_supporting_formulations(half_space, tmp_path):
     assert (tmp_path / "out" / "convergence.png").stat().st_size > 10_000
 
 
+@pytest.mark.full
 def test_formulation_2_percent_too_stiff_is_detected(half_space, tmp_path):
     plugin = tmp_path / "stiffer.py"
     plugin.write_text(STIFFER, encoding="utf-8")

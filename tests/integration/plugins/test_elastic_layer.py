@@ -124,6 +124,7 @@ def spherical(formulation, approach, divisions=96, width=4.0, law=None, translat
     return indentation_problem(system, height, approach, law or Signorini(), translation=translation)
 
 
+@pytest.mark.full
 def test_sphere_on_thick_layer(formulation):
     """Hertz's force times the series in sqrt(R g) / h that follows from the symbol; P is 1.4 times Hertz's force
     here."""

@@ -22,6 +22,7 @@ def loop():
     return solve_case(case_from_tables(tables))
 
 
+@pytest.mark.full
 def test_all_increments_converge_and_dissipate(loop):
     assert loop.status is RunStatus.CONVERGED
     totals = [resultants(loop.zone, step) for step in loop.steps]

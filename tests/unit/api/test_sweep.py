@@ -18,6 +18,7 @@ CASE = meeframe.Case(
 )
 
 
+@pytest.mark.full
 def test_points_match_separate_cases():
     axes = {"mu": {"contact.law.mu": [0.1, 0.3]}, "indenter.radius": ["100 mm", "50 mm"]}
     sweep = meeframe.sweep(CASE, axes, fields=["pressure"], every_increment=True)

@@ -74,6 +74,7 @@ PAIRS = {
 }
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("chosen", PAIRS)
 def test_force_of_a_motion_recovers_the_motion(bed, frictional, system, chosen):
     first = bed.follow(frictional, system, Step(**EVERYTHING))

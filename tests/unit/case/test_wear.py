@@ -65,6 +65,7 @@ def test_wear_is_of_first_order(write_case, registry):
     np.testing.assert_allclose(orders, 1.0, atol=0.1)
 
 
+@pytest.mark.full
 def test_increments_are_divided_for_the_pressure_to_change_little(write_case, registry):
     """Under a held indenter the pressure falls by exp(-k K s): the error goes with the change that is allowed."""
     exact = DEPTH * (1.0 - np.exp(-COEFFICIENT * STIFFNESS * 0.2))

@@ -224,12 +224,13 @@ def test_unsupported_bodies_are_rejected_early(monkeypatch):
     body = small_block()
     with pytest.raises(MaterialError, match="isotropic"):
         DenseBEM(Isotropic()).check(body)
+    half_space = half_space_mesh(1.0, 0.1, 12, 4, Quad4())
     monkeypatch.setattr("os.sysconf", lambda _: 1000)
     reported = r"this process may use 0\.001 GB: use a coarser mesh, or the formulation '{}'"
     with pytest.raises(MeshError, match=reported.format("hmatrix-bem")):
         DenseBEM().check(body)
     with pytest.raises(MeshError, match=reported.format("half-space")):
-        DenseBEM().check(replace(body, mesh=half_space_mesh(1.0, 0.1, 12, 4, Quad4()), conditions=()))
+        DenseBEM().check(replace(body, mesh=half_space, conditions=()))
 
 
 @pytest.mark.parametrize(

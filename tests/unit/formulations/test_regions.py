@@ -74,7 +74,7 @@ def check_columns(points, values, slopes, bottoms, tolerance):
     assert np.abs((values - exact) / scale).max() < tolerance
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("lower", "element"),
     [

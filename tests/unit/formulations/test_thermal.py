@@ -63,6 +63,7 @@ def test_linear_temperature_is_exact_with_quadratic_elements(size):
     assert max(relative_errors(mesh, field, computed)) < 1e-8
 
 
+@pytest.mark.full
 def test_heated_block_expands_and_polarises_freely():
     """Uniform heating with every face but the base free: linear fields, exact, without stress and fluxes."""
     field = ThermalField(MATERIAL, 50.0, np.zeros(3))

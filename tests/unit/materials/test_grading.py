@@ -71,6 +71,7 @@ def test_power_laws_converge_with_the_square_of_the_number(exponent):
     assert second < 2e-3 * np.abs(y[-1] / scale).max()
 
 
+@pytest.mark.full
 def test_table_and_mixture():
     """A mixture of a material with itself changes nothing; a straight profile is that of the power one."""
     barium, cobalt = library_material("batio3"), library_material("cofe2o4")

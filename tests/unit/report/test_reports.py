@@ -207,6 +207,7 @@ def test_figures_of_studies_replace_earlier_ones_in_any_format(tmp_path):
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(("size", "unit"), [(1e-4, "nm"), (1e-2, "µm"), (1.0, "mm"), (1e3, "m")])
 def test_unit_of_length_follows_the_zone(synthetic, size, unit):
     result = synthetic.result(synthetic.step(1e-6))

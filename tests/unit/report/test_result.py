@@ -194,6 +194,7 @@ def test_force_over_approach_in_three_lines(result):
     np.testing.assert_allclose(line.get_xydata(), np.column_stack([[1e-6, 3e-6, 3e-6, 2e-6], [9, 27, 27, 18]]))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("size", [(6.4, 4.8), (10.0, 3.0), (5.0, 2.5)])
 def test_legends_lie_within_narrow_axes(result, size):
     from matplotlib import pyplot

@@ -103,6 +103,7 @@ def test_law_without_conductivity_across_the_gap_insulates_open_nodes() -> None:
     ]
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("potential", [0.1, 0.3, 0.5])
 @pytest.mark.parametrize("coupling", [0.8, 1.6])
 def test_potential_that_opens_the_contact(potential: float, coupling: float) -> None:

@@ -186,6 +186,7 @@ def test_no_contact_converges_at_once() -> None:
     assert not solution.state.load.any()
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize(
     ("solver", "steps"),
     [(Uzawa(), 100), (BarzilaiBorwein(), 100), (Nesterov(), 100), (SemismoothNewton(), 20)],

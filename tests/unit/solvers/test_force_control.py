@@ -54,7 +54,7 @@ def test_resultants_recover_the_motions_with_friction(law, given) -> None:
         np.testing.assert_allclose(solution.state.motion, motion, rtol=1e-8)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("solver", [Uzawa(step_normal=6e11, step_tangential=4e11), *GRADIENT[1:]], ids=str)
 @pytest.mark.parametrize("share", [0.5, 0.98])
 def test_tangential_force_proportional_to_normal_force(solver, share) -> None:
@@ -201,7 +201,7 @@ IMPOSSIBLE = {
 }
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("name", IMPOSSIBLE)
 @pytest.mark.parametrize("solver", ALL, ids=str)
 def test_infeasible_resultants_do_not_converge(solver, name) -> None:

@@ -148,6 +148,7 @@ def test_contact_outside_the_restriction_is_found(monkeypatch: pytest.MonkeyPatc
     check_same(computed, solutions(problem, monkeypatch)[1])
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("law", [Signorini(), IsotropicCoulomb(MU)], ids=["smooth", "rough"])
 def test_asperity_outside_the_restriction_is_found(law: ContactLaw, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither the coarser grid nor the restriction contains it."""

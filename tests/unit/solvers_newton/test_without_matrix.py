@@ -200,7 +200,7 @@ def test_auto_selects_newton_with_conduction(kappa: float) -> None:
     assert (np.abs(by_auto.state.load - by_gradients.state.load) <= 1e-8 * largest).all()
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("exponent", [0.5, 0.95])
 def test_conductivities_with_infinite_slope_at_zero_pressure(growing, exponent: float) -> None:
     """A Newton step from zero with the slope at zero pressure would be useless."""
