@@ -109,7 +109,7 @@ def test_thin_film_on_a_grounded_base(conducting):
         assert contact.centre[1] == pytest.approx(-0.988 * e / eps * approach, rel=1e-3)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("incompressible", [False, True])
 def test_thin_elastic_layer_under_a_sphere(incompressible):
     """A thin bonded layer is a bed of columns, or squeezed like a film of fluid if it is incompressible.

@@ -72,6 +72,7 @@ def test_layers_of_one_material(sliding, found):
         assert one.tension.position[0] < -0.5 * UM
 
 
+@pytest.mark.full
 def test_table_of_interfaces(found):
     table = interfaces_table(found)
     layers, depths, names, *_ = [[str(cell) for cell in column.cells] for column in table.columns]

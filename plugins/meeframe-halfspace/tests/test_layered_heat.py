@@ -100,7 +100,7 @@ def test_difference_in_space_is_the_double_integral_over_waves(layers: LayerStac
         assert (np.abs(at_radius.mean(axis=0)) <= 1e-8 * np.abs(difference).max(axis=0)).all()
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("periodic", [False, True])
 def test_layers_of_the_substrate_change_nothing(periodic: bool) -> None:
     formulation = HalfSpace(matrix_up_to=0, periodic=periodic)

@@ -160,7 +160,7 @@ class GaussianOnLayers:
         return (np.exp(1j * points[:, :2] @ self.waves.T) @ self.answers).real
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("density", ["bilinear", "constant"])
 def test_all_fields_converge_with_second_order(density):
     """All 25 entries take part: a load of all fields on a triclinic stack with springs."""

@@ -308,7 +308,7 @@ def edge_corrected(system: ReducedSystem) -> ReducedSystem:
     return correct_edge(system, edge * system.diagonal_blocks())
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("compose", "capabilities"),
     [

@@ -183,6 +183,7 @@ class TestContact:
             ),
         )
 
+    @pytest.mark.full
     def test_from_cattaneo_to_carter(self) -> None:
         rolls = Step(rolling=Rolling((1.0, 0.0), distance=0.25e-3)), steady()
         _, shift, first, end = run(self.from_cattaneo(rolls))

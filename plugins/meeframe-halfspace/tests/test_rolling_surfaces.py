@@ -138,6 +138,7 @@ def test_rough_body_slides_with_the_friction_of_its_law():
     assert (shifted != once.touching).mean() < 0.03, "asperities move with the material"
 
 
+@pytest.mark.full
 def test_run_continues_where_the_contact_is(tmp_path):
     """The way over the surface is in the files, also of a step that does not roll."""
     more = meeframe.Step(normal_force=3.0)

@@ -77,6 +77,7 @@ def test_a_full_or_closed_standard_output(command):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.full
 def test_a_full_standard_error(tmp_path):
     """Its messages are lost; results and status are not."""
     path, out = tmp_path / "case.toml", tmp_path / "out"

@@ -197,6 +197,7 @@ def solve_case_text(text, folder):
     return result
 
 
+@pytest.mark.full
 def test_tractions_and_fluxes_are_continuous_across_the_interface(tmp_path):
     """At interface nodes well inside the contact, t = sigma.n and D.n agree in both bodies."""
     result = solve_case_text(PAIR, tmp_path)

@@ -167,6 +167,7 @@ def test_a_hook_that_hangs_is_a_fault_of_the_plugin(plugin, write, hook):
         meeframe.solve_case(load_case(write(HOOKS[hook] % "loop"), load(plugin)))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("how", ["sleep", "stubborn"])
 def test_hooks_that_wait_or_catch_everything(plugin, write, how):
     with pytest.raises(PluginFault, match=words(plugin, "project")):
@@ -269,7 +270,8 @@ def test_run_ends_with_status_2_and_keeps_finished_increments(plugin, write, tmp
     assert len(read_result(tmp_path / "out").steps) == 1
 
 
-@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("workers", [1, 2])
 def test_points_that_hang_fail_and_the_sweep_goes_on(plugin, write, tmp_path, workers):
     write(FRICTION % "nothing")
     study = tmp_path / "study.toml"

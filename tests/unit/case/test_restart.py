@@ -69,6 +69,7 @@ output = {figures = false, vtu = false}
 """
 
 
+@pytest.mark.full
 def test_restart_with_resolved_edges(tmp_path):
     press, drag = '{approach = "20 um", increments = 2}', '{translation = ["1 um", "2 um"]}'
 

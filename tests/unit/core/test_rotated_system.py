@@ -138,6 +138,7 @@ def cap() -> ReducedSystem:
     return cap_system()
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("angle", [0.7, -2.0])
 def test_rotated_frames_with_opposite_angle_on_curved_zone(cap, angle) -> None:
     expected = tractions(cap, socket_problem(cap, OrthotropicCoulomb(0.1, 0.5, 0.3)))

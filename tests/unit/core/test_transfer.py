@@ -174,6 +174,7 @@ def test_capabilities_with_different_divisions(steel: DenseSystem, finer: DenseS
         check_capabilities(system)
 
 
+@pytest.mark.full
 def test_with_and_without_matrices(steel: DenseSystem, finer: DenseSystem) -> None:
     whole, free = combine_bodies(steel, finer), combine_bodies(steel, MatrixFree.of(finer))
     load = np.random.default_rng(5).standard_normal(whole.offset.shape)

@@ -117,6 +117,7 @@ def test_equal_anisotropic_bodies_do_not_slip() -> None:
     assert np.abs(rigid[:, :2]).max() > 0.05 * largest
 
 
+@pytest.mark.full
 def test_fields_of_both_bodies(steel: DenseSystem) -> None:
     """The recovered displacements of the bodies in the contact zone differ by the relative displacement, in global
     axes."""

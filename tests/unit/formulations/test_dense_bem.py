@@ -208,6 +208,7 @@ def test_slender_rods_under_pressure(size, divisions, tolerance):
     assert deflection(size, divisions, Quad4(), 2) == pytest.approx(size[along] * strain, rel=tolerance)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("field", [0, 1])
 def test_rods_bent_by_a_force_at_the_end(field):
     """Timoshenko's beam, ten times as long as wide: the axial stress changes sign across the section, so E and H

@@ -9,7 +9,7 @@ from meeframe.testing.fundamental import check_fundamental_solution
 EXACT = (1e-12, 1e-11)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("solution", "tolerances"), [(LineIntegral(), EXACT), (Residue(), EXACT), (Tabulated(), (1e-8, 1e-7))], ids=str
 )

@@ -304,6 +304,7 @@ def test_missing_heights_name_the_surface():
 FULL = {"electrical_conductivity": SIGMA, "electric_potential": "2 V"}
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("samples", [32, 64])
 @pytest.mark.parametrize("material", [COPPER, {"name": "pzt-4"}])
 def test_full_contact_has_no_resistance(samples, material):
@@ -343,6 +344,7 @@ def crosses(**keys):
     return sum(str(label).startswith("from the stiffness") for label in labels)
 
 
+@pytest.mark.full
 def test_barber_is_drawn_where_it_holds():
     assert crosses() == 1
     assert crosses(conductivity={"electric": {"name": "step", "kappa": float("inf")}}) == 1
@@ -453,6 +455,7 @@ def test_slope_of_theories_is_that_of_the_map():
     assert study(surface=whole).slope == study(surface=whole).statistics.rms_slope_spectrum
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("shape", [(2, 64), (64, 2), (2, 2)])
 def test_narrow_maps(shape, tmp_path):
     """A map without inner points has no curvature by differences; JSON has null in its place."""

@@ -69,6 +69,7 @@ def test_figures_and_fields_are_optional(write_case, registry, tmp_path):
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["result.h5", "summary.json"]
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("fields", [None, ()])
 def test_increments_in_memory_or_not_give_the_same_files(case, tmp_path, fields):
     case = replace(case, output=replace(case.output, fields=fields))
@@ -249,6 +250,7 @@ def test_body_too_large_for_memory_is_invalid_input(case, tmp_path, monkeypatch)
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("held", [True, False])
 def test_written_results_are_not_read_again(case, tmp_path, monkeypatch, held):
     """A run, its figures, its series of fields and its table read none of the increments that it has written."""
