@@ -34,7 +34,7 @@ class GridCells(Sequence[tuple[str, Indices]]):
 
     def __iter__(self) -> Iterator[tuple[str, Indices]]:
         """Yield the block."""
-        yield "quad", grid_cells(np.arange(self.shape[0] * self.shape[1]).reshape(self.shape))
+        yield "quad", self.nodes(np.arange(self.n_cells))
 
     def __getitem__(self, index: Any) -> Any:
         """Return the block, or a tuple with it for a slice."""
