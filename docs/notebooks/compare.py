@@ -44,8 +44,8 @@ case = meeframe.Case(
     indenter=meeframe.Sphere("100 mm"),
     contact=meeframe.IsotropicCoulomb(0.3),
     steps=[
-        meeframe.Step(approach="20 um", increments=6),
-        meeframe.Step(translation=["6 um", 0], increments=6),
+        meeframe.Step(approach="20 um", increments=4),
+        meeframe.Step(translation=["6 um", 0], increments=4),
     ],
 )
 reference = case.solve()
@@ -160,7 +160,7 @@ else:
 # %%
 axes = plt.subplots(figsize=(6, 3.6), layout="constrained")[1]
 for name, result in runs.items():
-    history = result[6].history
+    history = result[4].history
     axes.semilogy(np.arange(1, len(history) + 1), history, ".-", label=name)
 axes.set(
     xlabel="recorded iteration [1]",
@@ -211,7 +211,7 @@ def indented(formulation, divisions):
 
 rows, finest = [], {}
 for formulation in ("half-space", "dense-bem", "hmatrix-bem", "skfem"):
-    for divisions in (6, 10):
+    for divisions in (6, 8):
         result = indented(formulation, divisions).solve(progress=False)
         totals = result.to_dataframe().iloc[-1]
         rows.append(
@@ -256,7 +256,7 @@ fine = (
 print(f"half-space with 40 divisions: {fine:+.2%}")
 assert abs(deviation.loc[["half-space", "dense-bem"]]).to_numpy().max() < 0.015
 assert abs(fine) < 2e-3
-assert abs(deviation.loc["skfem", 10]) < abs(deviation.loc["skfem", 6]) < 0.05
+assert abs(deviation.loc["skfem", 8]) < abs(deviation.loc["skfem", 6]) < 0.05
 
 forces = table["force [N]"]
 compression = abs(forces.loc["hmatrix-bem"] / forces.loc["dense-bem"] - 1).max()

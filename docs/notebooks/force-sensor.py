@@ -57,7 +57,7 @@ def press(indenter, width, **circuit):
         formulation=meeframe.formulation("half-space", edges="resolved"),
         indenter=indenter,
         conductivity={"electric": meeframe.StepConductivity(np.inf)},
-        steps=[meeframe.Step(normal_force="100 N", increments=8, **circuit)],
+        steps=[meeframe.Step(normal_force="100 N", increments=5, **circuit)],
     )
     return case.solve(progress=False)
 

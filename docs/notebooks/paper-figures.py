@@ -114,8 +114,8 @@ assert abs(flux) < 0.03
 
 # %%
 LEVELS = {
-    "electric": np.geomspace(1e-8, 1e-2, 13),
-    "magnetic": np.geomspace(3e-4, 3e2, 13),
+    "electric": np.geomspace(1e-8, 1e-2, 9),
+    "magnetic": np.geomspace(3e-4, 3e2, 9),
 }
 SECTIONS = ["pressure", "electric_potential", "magnetic_potential"]
 

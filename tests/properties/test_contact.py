@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -93,6 +94,7 @@ def test_solutions_satisfy_the_contact_conditions(
         assert (flux * drop[:, field] > -small).all()
 
 
+@pytest.mark.full
 @SETTINGS
 @given(bodies(), heights(), MU, KAPPA, st.lists(st.integers(-14, 14), min_size=6, max_size=6))
 def test_solutions_do_not_depend_on_units(xi: Array, height: Array, mu: float, kappa: float, powers: list[int]) -> None:

@@ -76,6 +76,7 @@ def elements_of(mesh):
     return block.element, mesh.points[block.connectivity]
 
 
+@pytest.mark.full
 @settings(max_examples=12, deadline=None)
 @given(
     stiffness=extended_stiffness(),
@@ -106,6 +107,7 @@ def test_unit_flux_through_a_closed_surface_from_nearby(stiffness, number, seed,
     assert np.abs(flux + (0 if outside else 1) * np.eye(5)).max() < 1e-6 * size
 
 
+@pytest.mark.full
 @settings(max_examples=10, deadline=None)
 @given(stiffness=extended_stiffness(), seed=st.integers(0, 1000), curved=st.booleans())
 def test_free_term_and_principal_value_of_constant_fields(stiffness, seed, curved):

@@ -40,6 +40,7 @@ def test_orthotropic_friction(mu: tuple[float, float], angle: float, seed: int, 
     check_orthotropic(law, mu, angle, pressure, seed)
 
 
+@pytest.mark.full
 @SETTINGS
 @given(COEFFICIENTS, st.integers(0, 1000))
 def test_isotropic_friction(mu: float, seed: int) -> None:

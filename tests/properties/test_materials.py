@@ -1,6 +1,7 @@
 """Properties of random admissible anisotropic materials under rotation, mixture and serialisation."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -98,6 +99,7 @@ def test_tables_round_trip(material: Material) -> None:
     np.testing.assert_array_equal(material_from_table(material_table(material)).stiffness, material.stiffness)
 
 
+@pytest.mark.full
 @COMMON
 @given(materials(), materials(), st.floats(0.0, 1.0))
 def test_mixtures_of_admissible_materials_are_admissible(first: Material, second: Material, fraction: float) -> None:

@@ -103,7 +103,7 @@ def test_half_spaces_scaled_without_round_off(
 @pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 @pytest.mark.parametrize("factor", [1e-9, 1e9])
-@pytest.mark.parametrize("kappa", [(0.0, 0.0), (np.inf, 0.0), (1.0, 1e-2), (1e2, np.inf)])
+@pytest.mark.parametrize("kappa", [(0.0, 0.0), (1e2, np.inf)])
 def test_half_spaces_scaled_by_powers_of_ten(solver: Solver, factor: float, kappa: tuple[float, float]) -> None:
     """Round-off may change the number of gradient steps that Newton's method needs."""
     for seed in range(2):

@@ -383,7 +383,7 @@ FLUX = r"the worst condition is '(electric|magnetic) flux'"
 FRICTION = r"the worst condition is '(friction limit|slip)'"
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("solver", "message"),
     [

@@ -180,7 +180,7 @@ def test_scalar_field_agrees_with_separate_problem(name: str, drag: float) -> No
     assert np.abs(three.load[:, -1]).max() > 0.1 * KAPPA * POTENTIAL
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_field_set_with_a_single_scalar(name: str) -> None:
     """Heat conduction in elastic contact is the same if the scalar follows the two potentials of the default set,

@@ -102,7 +102,7 @@ def test_convolutions_can_be_pickled(library) -> None:
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(made)).response(load, [2], [2]), expected)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 def test_solutions_match_those_of_numpy(library) -> None:
     """A conducting sphere with friction, solved on nested grids, subgrids and with approximate inverses."""
     n, period = 200, 7e-3

@@ -132,6 +132,7 @@ def check_equilibrium(system, points, h):
         np.testing.assert_allclose(scaled[0], scaled[1], atol=2e-4 * np.abs(scaled[1]).max())
 
 
+@pytest.mark.full
 def test_coupled_equilibrium():
     """In a rotated orthotropic medium, div sigma = 0, div D = 0, div B = 0, and gradients are derivatives of the
     values."""

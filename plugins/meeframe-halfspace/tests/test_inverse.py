@@ -93,6 +93,7 @@ def test_resistances_in_series(periodic) -> None:
     assert error[slice(None) if periodic else inside].max() < (1e-5 if periodic else 0.05)
 
 
+@pytest.mark.full
 def test_poor_conduction_takes_few_products(monkeypatch) -> None:
     """With the resistances of the contact in the approximate inverse; the solution is the same."""
     products, states = [], []
@@ -244,6 +245,7 @@ def test_gradient_iterations_match_without_inverse() -> None:
     assert (np.abs(computed[0] - computed[1]) <= 1e-7 * np.abs(computed[1]).max(axis=0)).all()
 
 
+@pytest.mark.full
 def test_products_nearly_independent_of_grid() -> None:
     """The number of products up to the residual 1e-10 grows without acceleration, and hardly grows with it."""
     counts = {}

@@ -215,6 +215,7 @@ def test_thin_film_on_a_cold_rigid_base(temperature: float) -> None:
     assert hot["heat"] == pytest.approx(heat, rel=order)
 
 
+@pytest.mark.full
 def test_electrode_makes_results_independent_of_the_reference_radius() -> None:
     """The charge on a film with a grounded electrode below it, in contact with an earthed tip, has no free level."""
     electrode = meeframe.Interface(electrode="grounded")

@@ -177,7 +177,7 @@ def test_all_fields_converge_with_second_order(density):
     assert (errors[1] < 4e-3).all()
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("thickness", [0.02 * UM, 0.1 * UM, 0.5 * UM])
 def test_layers_thinner_than_the_cells(thickness):
     """Grids as coarse as ten thicknesses converge to the same waves: the difference is integrated over each cell."""
@@ -261,6 +261,7 @@ def test_floating_electrodes(periodic):
         assert np.abs(difference).max() < 1e-10
 
 
+@pytest.mark.full
 def test_matrix_matches_fft():
     small = body(TRICLINIC, divisions=(13, 11))
     one, other = (HalfSpace(matrix_up_to=limit).reduce(small) for limit in (10_000, 0))
@@ -373,6 +374,7 @@ def test_differently_coated_bodies_exchanged():
     assert np.abs(equal - expected)[:, 1].max() > 0.02 * scale[1]
 
 
+@pytest.mark.full
 def test_force_control_and_friction_histories():
     """A force gives back the approach it belongs to, and a history with friction converges."""
     film = (meeframe.Layer("pzt-4", UM, {"axis": [1, 0, 0], "angle": "20 deg"}),)
@@ -419,6 +421,7 @@ def test_interior_of_layers_of_the_substrate():
         assert_close(computed.reshape(len(points), -1), expected.reshape(len(points), -1), 1e-6)
 
 
+@pytest.mark.full
 def test_interior_fields_balance_the_load():
     """The normal stress on both sides of the interface adds up to the force on the surface."""
     result = sphere((meeframe.Layer("batio3", UM),), divisions=16)

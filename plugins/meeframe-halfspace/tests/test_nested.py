@@ -254,6 +254,7 @@ def test_restrictions_of_two_sizes_are_cached() -> None:
     assert restriction_for(1) is not first
 
 
+@pytest.mark.full
 def test_solutions_do_not_depend_on_earlier_solutions() -> None:
     """Solutions are bitwise reproducible after contacts of other sizes, which leave other restrictions in the cache."""
 

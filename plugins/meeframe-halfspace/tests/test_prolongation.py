@@ -48,6 +48,7 @@ def restricted(system: HalfSpaceSystem, nodes: np.ndarray, prolonged: bool) -> n
     return np.array(columns, float).T
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("periodic", [False, True])
 def test_prolongation_is_closer_to_the_restricted_inverse_than_zeros(periodic: bool) -> None:
     """Eigenvalues of the product with the restricted compliance are all one for its inverse.

@@ -120,6 +120,7 @@ class TestCarter:
         ratios = [resultants(result.zone, step).tangential_force[0] for step in result.steps[1:]]
         return np.array(ratios) / (cls.FRICTION * force), list(result.steps[1:])
 
+    @pytest.mark.full
     def test_force_and_stick_zone(self) -> None:
         coarse, middle, fine = (self.forces(across) for across in (10, 20, 40))
         carter = 1.0 - (1.0 - np.minimum(self.FRACTIONS, 1.0)) ** 2
@@ -521,6 +522,7 @@ def rolling_work(nodes: int, motion: Motion = ((1e-3, 5e-4), 0.5)) -> tuple[int,
     return rolls.iterations, len(counted.products) - before
 
 
+@pytest.mark.full
 def test_work_hardly_grows_with_the_grid() -> None:
     iterations, products = zip(*(rolling_work(nodes) for nodes in (16, 32, 64)), strict=True)
     assert max(iterations) - min(iterations) <= 2

@@ -47,7 +47,7 @@ def random_problem(seed: int) -> ContactProblem:
 
 
 @pytest.mark.full(except_for=1)
-@pytest.mark.parametrize("seed", [3, 6, 9, 12, 19, 25, 31, 42, 57])
+@pytest.mark.parametrize("seed", [3, 9, 25, 57])
 def test_newton_and_gradient_steps_agree(seed: int) -> None:
     problem, criteria = random_problem(seed), StoppingCriteria(tolerance=1e-9)
     newton, gradient = (solve(problem, solver, criteria) for solver in (SemismoothNewton(), Nesterov()))

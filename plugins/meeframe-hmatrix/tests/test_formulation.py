@@ -54,6 +54,7 @@ def systems(make_block):
     return {tolerance: small_leaves(tolerance).reduce(make_block(6)) for tolerance in TOLERANCES}
 
 
+@pytest.mark.full
 def test_compliance_converges_to_dense_with_tolerance(dense, systems, smooth_load):
     for tolerance, system in systems.items():
         matrix = system.boundary.system.matrix

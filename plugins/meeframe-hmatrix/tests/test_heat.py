@@ -48,6 +48,7 @@ def test_linear_temperature_is_exact_to_the_tolerance():
     assert (np.abs(fields.fluxes[:, 2, :5] - stress).max(axis=0) <= 1e-4 * size).all()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("size", [1e-5, pytest.param(1.0, marks=pytest.mark.full)])
 def test_agrees_with_dense_boundary_elements_in_any_unit_of_length(size):
     mesh = block_mesh(0.5 * size, 0.8 * size, 0.2 * size, 4, 2, 2, Quad4())

@@ -67,6 +67,7 @@ def test_tresca_force_on_sliding_punch():
     np.testing.assert_allclose(np.linalg.norm(state.load[inside, :2], axis=1), 2e7, rtol=1e-12)
 
 
+@pytest.mark.full
 def test_capped_sliding_sphere():
     """In full slip, T = limit pi c^2 + mu P (1 - c^2/a^2)^1.5 with the cap reached on a core of radius c."""
     hertz = HertzContact(YOUNG, 0.3, 1.0, 2.5e-5)

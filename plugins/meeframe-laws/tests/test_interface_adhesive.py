@@ -52,7 +52,7 @@ def test_work_of_adhesion(law):
     assert work == pytest.approx(W, rel=1e-8)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("distance", [0.0, 0.5, 2.0])
 def test_dmt_between_rigid_bodies_matches_bradley(distance):
     """The force is -2 pi R w / (1 + h / z_0)^2, up to the part beyond the grid."""
@@ -195,7 +195,7 @@ def test_friction_limit_includes_the_offset():
     assert along == pytest.approx(0.3 * (-force[2] + 2e8 * area), rel=1e-9)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("law", [DMT(W, 3e-9), Dugdale(W, 3e7, transition=0.5)], ids=repr)
 def test_prescribed_force_recovers_the_approach(law):
     """Compressive, zero and tensile forces, the latter 0.4 of the pull-off force of rigid bodies,

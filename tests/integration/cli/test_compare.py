@@ -128,6 +128,7 @@ def test_histories_are_compared_where_the_indenter_touches(write_case, laws, tmp
         shown(away, "4")
 
 
+@pytest.mark.full
 def test_one_system_for_each_formulation_and_fundamental_solution(dragged, tmp_path, reductions):
     kernels = ["--fundamental-solution", "tabulated", "--fundamental-solution", '{name = "line-integral", points = 24}']
     status, _, _ = invoke(
@@ -146,6 +147,7 @@ def test_one_system_for_each_formulation_and_fundamental_solution(dragged, tmp_p
         assert run["differences"]["electric_potential"] < 1e-6
 
 
+@pytest.mark.full
 def test_conductivity_laws_of_both_fields_or_of_each(dragged, tmp_path):
     each = '{magnetic = {name = "step", kappa = inf}}'
     laws = [
@@ -401,6 +403,7 @@ def meeframe_conductivity_laws():
 """
 
 
+@pytest.mark.full
 def test_laws_of_thermal_conductance_are_compared_with_one_of_a_file(tmp_path):
     """A law in one file conducts heat like a law that is installed; poor contact lets less heat through."""
     case, module = tmp_path / "heated.toml", tmp_path / "plastic_spots.py"

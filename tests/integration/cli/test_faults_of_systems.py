@@ -55,6 +55,7 @@ def test_a_clock_that_goes_back(two_increments, tmp_path, monkeypatch):
     assert len(meeframe.read_result(tmp_path / "out").steps) == 2
 
 
+@pytest.mark.full
 def test_a_reader_that_closes_its_pipe():
     reading, writing = os.pipe()
     os.close(reading)

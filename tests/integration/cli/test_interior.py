@@ -62,7 +62,7 @@ def invoke(*arguments):
     return result.exit_code, result.stdout, result.stderr
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("named", [True, False])
 def test_show_interior(run, named):
     """The default box contains the largest shear and von Mises stress under Hertz's pressure, near 0.310 and 0.620
@@ -101,6 +101,7 @@ def test_show_interfaces(tmp_path):
         assert re.search(rf"{number}[ │]+{depth}[ │]+shear[ │]+Pa", table)
 
 
+@pytest.mark.full
 def test_interior_of_a_run_on_a_section(run, tmp_path):
     grid = PointGrid.along_global_axes(np.linspace(-5e-4, 5e-4, 5), 0.0, np.linspace(-1e-3, -1e-4, 4))
     from_folder = meeframe.interior(run / "out", grid)

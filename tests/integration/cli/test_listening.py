@@ -10,6 +10,7 @@ pytest.importorskip("distributed")
 psutil = pytest.importorskip("psutil")
 
 
+@pytest.mark.full
 def test_local_processes_listen_on_loopback_only():
     with pool_of(2, None, (), 2) as pool:
         pool.connect().wait_for_workers(2)

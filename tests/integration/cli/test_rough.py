@@ -157,6 +157,7 @@ def test_options_replace_keys_of_a_range(study, tmp_path):
     np.testing.assert_allclose([float(row.split(",")[0]) for row in rows[1:]], [0.5e9, 0.5e9 * 2**0.5, 1e9])
 
 
+@pytest.mark.full
 def test_implausible_units_are_warned_of(tmp_path):
     """Heights in nanometres that are read as metres have a slope far beyond that of any surface."""
     path = heights(tmp_path / "map.npy", 8)

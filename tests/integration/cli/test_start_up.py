@@ -52,6 +52,7 @@ def test_help_of_a_command_loads_nothing_heavy(command):
     assert loaded_modules(command, "--help").isdisjoint({*HEAVY} - {"pydantic"})
 
 
+@pytest.mark.full
 def test_check_loads_only_what_it_needs(case_file):
     computed = loaded_modules("check", case_file)
     assert "numba" in computed

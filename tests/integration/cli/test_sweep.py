@@ -191,6 +191,7 @@ def test_changed_case_is_rejected(study, tmp_path, write_case):
     assert "0 of its 8 points are in this one of 8" in complained
 
 
+@pytest.mark.full
 def test_folder_with_other_files_is_left_unchanged(study, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
@@ -202,6 +203,7 @@ def test_folder_with_other_files_is_left_unchanged(study, tmp_path):
     assert (out / "thesis.tex").exists()
 
 
+@pytest.mark.full
 def test_failed_points_do_not_stop_the_others(study, tmp_path, log):
     text = """
         case = "case.toml"
@@ -411,7 +413,6 @@ def test_first_reductions_use_the_threads_of_waiting_processes(study, tmp_path, 
     ("options", "reduction", "point"),
     [
         (("--workers", 1, "--threads", 1), 1, 1),
-        (("--threads", 1), 1, 1),
         (("--workers", 2, "--threads", 3), 3, 1),
     ],
 )
@@ -423,6 +424,7 @@ def test_total_number_of_threads(study, tmp_path, log, options, reduction, point
     }
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("command", ["compare", "verify"])
 def test_threads_of_other_studies(study, tmp_path, log, command):
     options = [f"--formulation={{name='springs', stiffness={k}, log='{tmp_path / 'log'}'}}" for k in ("1e14", "2e14")]

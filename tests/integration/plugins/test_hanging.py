@@ -174,7 +174,7 @@ def test_hooks_that_wait_or_catch_everything(plugin, write, how):
         meeframe.solve_case(load_case(write(FRICTION % how), load(plugin)))
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("handler", [signal.SIG_IGN, lambda *_: None])
 def test_without_an_interrupt_handler(plugin, write, handler):
     """Background jobs of a shell ignore Ctrl-C, and programs may handle it otherwise."""
@@ -186,6 +186,7 @@ def test_without_an_interrupt_handler(plugin, write, handler):
         signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.full
 def test_another_thread(plugin, write):
     """Workers of sweeps and servers solve in threads of their own."""
     case, errors = load_case(write(FRICTION % "loop"), load(plugin)), []

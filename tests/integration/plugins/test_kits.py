@@ -240,7 +240,7 @@ class Altered(PersistentFormulation):
         return self.restore(self.inner.reduce(body), arrays)
 
 
-@pytest.mark.full(except_for=9)
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("fault", SPOILT)
 def test_wrong_formulations_are_detected(layer, fault):
     formulation, body, field = layer

@@ -92,7 +92,7 @@ def assert_same_model(one, other) -> None:
         assert one.second_body.formulation == other.second_body.formulation
 
 
-@pytest.mark.full(except_for=20)
+@pytest.mark.full(except_for=6)
 @pytest.mark.parametrize("file", CASES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_round_trip(file, tmp_path, monkeypatch):
     """A case file, its case, and another case file in another folder give the same model."""

@@ -46,7 +46,7 @@ def test_points_are_stored_in_a_folder(tmp_path):
     assert (point / "result.h5").stat().st_mtime_ns == written
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("keep", [True, False])
 def test_interruption_returns_the_finished_points(tmp_path, keep):
     """The dataset of the finished points is in the error and in the folder, from which the sweep continues."""

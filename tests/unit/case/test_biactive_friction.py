@@ -85,7 +85,7 @@ def test_friction_against_the_slip_or_beyond_the_limit_is_no_solution():
         assert law_residual(problem, state, problem_scales(problem)) > 1e-3
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("kappa", [0.0, 1.0])
 @pytest.mark.parametrize(
     ("law", "friction"),
@@ -175,6 +175,7 @@ def test_biactive_friction_follows_the_load(synthetic, law):
     assert solve_from_biactive_friction(lambda *_: stalled, start, start, problem, 1e-10) is None
 
 
+@pytest.mark.full
 def test_friction_that_jumps_is_sought_from_parts_of_the_load(synthetic):
     """States under smaller multiples of the pressure end before the whole load, too."""
     whole, reached = single_node(IsotropicCoulomb(np.inf)), [0.0]

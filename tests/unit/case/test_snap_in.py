@@ -47,6 +47,7 @@ def states(law, compliance, distance):
     return int((np.diff(np.sign(pull)) != 0.0).sum())
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("steepness", [0.9, 1.1])
 def test_several_states_of_a_node_are_reported(bed, steepness):
     system = bed.half_space(8)

@@ -249,13 +249,10 @@ def test_uniform_pressure(first: tuple[int, SurfaceElement], second: tuple[int, 
 
 
 @pytest.mark.full
-@pytest.mark.parametrize(
-    ("divisions", "element", "width"), [(13, Quad4(), SIDE), (14, Tri3(), 5.5e-3), (7, Quad9(), SIDE)]
-)
-def test_hertz_with_different_divisions(divisions: int, element: SurfaceElement, width: float) -> None:
+def test_hertz_with_different_divisions() -> None:
     """A steel sphere on a glass body; with equal divisions, errors are 0.95 % in the force and 2.9 % in the
     pressure."""
-    first, second = half_space(STEEL, 8, Quad4()), half_space(GLASS, divisions, element, width)
+    first, second = half_space(STEEL, 8, Quad4()), half_space(GLASS, 14, Tri3(), 5.5e-3)
     both = combine_bodies(first, second)
     r = np.hypot(*both.points[:, :2].T)
     solution = solve(

@@ -225,6 +225,7 @@ def test_constant_fields_with_reentrant_edges(anisotropic, position):
     assert_constants_vanish(anisotropic, Quad4(), fichera(), position)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("element", [Tri3(), Tri6()], ids=lambda e: e.name)
 def test_constant_fields_on_a_tetrahedron(anisotropic, element):
     elements = tetrahedron(element)

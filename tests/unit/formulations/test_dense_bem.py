@@ -58,6 +58,7 @@ def test_linear_fields_are_exact_for_random_triclinic_materials(material, seed):
     assert max(relative_errors(mesh, field, computed)) < 1e-8
 
 
+@pytest.mark.full
 def test_linear_fields_with_default_options():
     """With default kernel and quadrature, the error is far below any discretisation error."""
     mesh = box_mesh((1.0, 1.5, 0.8), (2, 3, 2), Quad4())

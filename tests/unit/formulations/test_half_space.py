@@ -52,7 +52,7 @@ def system():
     return DenseBEM().reduce(Body(TRANSVERSELY_ISOTROPIC.stiffness, mesh, (), "contact"))
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("condition", list(CONDITIONS))
 def test_sphere_on_a_half_space(condition, system):
     electric, magnetic = (np.inf if potential is not None else 0.0 for potential in CONDITIONS[condition])

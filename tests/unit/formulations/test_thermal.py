@@ -54,6 +54,7 @@ def block(field: ThermalField, kinds: dict[str, str], element: SurfaceElement) -
     return replace(with_heat(prescribe(mesh, field, MATERIAL.stiffness, kinds), MATERIAL), contact_group="contact")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("size", [1e-6, pytest.param(1.0, marks=pytest.mark.full)])
 def test_linear_temperature_is_exact_with_quadratic_elements(size):
     """Quadratic displacements and potentials without contact zone, in any unit of length."""
@@ -82,6 +83,7 @@ def test_heated_block_expands_and_polarises_freely():
     assert (np.abs(fields.fluxes[..., :5]).max(axis=(0, 1)) <= 2e-5 * size).all()
 
 
+@pytest.mark.full
 def test_loads_and_heat_on_the_zone_give_the_exact_field():
     """A linear temperature by the reduced system: its heat, tractions and fluxes on the zone cause its values there."""
     field = ThermalField(MATERIAL, 20.0, np.array([30.0, -40.0, 25.0]))

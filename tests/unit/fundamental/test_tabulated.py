@@ -75,6 +75,7 @@ def test_sums_over_plane_pieces(stiffness, random):
         assert (np.abs(sums - whole).max(axis=2) <= TOLERANCE * np.array(most)).all()
 
 
+@pytest.mark.full
 def test_check_at_bind_time_finds_the_largest_error(orthotropic, random):
     """With twelve cells the error exceeds the tolerance for this material, so `bind` must refine."""
     kernel = Tabulated(tolerance=0.5, cells=12).bind(orthotropic)
@@ -85,6 +86,7 @@ def test_check_at_bind_time_finds_the_largest_error(orthotropic, random):
     assert Tabulated(cells=12).bind(orthotropic).cells > 12
 
 
+@pytest.mark.full
 def test_traction_converges_with_order_seven(transversely_isotropic, random):
     offset, normal = unit_vectors(random, 20000), unit_vectors(random, 20000)
     _, exact = LineIntegral().bind(transversely_isotropic).evaluate(offset, normal)

@@ -69,6 +69,7 @@ def second_derivatives(kernel, offset: Array, step: float = 0.02) -> Array:
     return np.stack(axes, axis=-1)
 
 
+@pytest.mark.full
 def test_satisfies_the_equations_of_the_body_and_of_its_adjoint(constants, kernel, random):
     """C_iJKm W_K,mi = beta_iJ theta*,i around the heat source, and k_ij W_P,ij = beta_iJ U_JP,i."""
     offset = unit_vectors(random, 30) * (1.0 + random.random((30, 1)))

@@ -49,7 +49,7 @@ def test_paraboloid() -> None:
     np.testing.assert_allclose(Paraboloid(0.1, 0.1).height(X, Y), Sphere(0.1).height(X, Y), rtol=1e-14)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(("a", "b"), [(1.0e-3, 0.5e-3), (0.35e-3, 1.0e-3)])
 def test_paraboloids_cause_elliptic_hertz_contact(a: float, b: float) -> None:
     """p_0 sqrt(1 - x^2/a^2 - y^2/b^2) displaces the surface by p_0 a b/(2 E*) times the integral from w = 0 to

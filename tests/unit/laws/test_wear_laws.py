@@ -110,6 +110,7 @@ def test_worn_surfaces_overlap_by_the_worn_depth(law: WearLaw, friction: float) 
         np.testing.assert_array_equal(traction[:, :2], limited[:, :2])
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("sliding", [pytest.param(0.0, marks=pytest.mark.full), 0.3])
 def test_contact_law_of_worn_surfaces_conforms(sliding: float) -> None:
     """With a prescribed distance it has the properties of a compliant law, as its gap follows from its traction."""

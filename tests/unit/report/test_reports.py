@@ -153,6 +153,7 @@ def test_figures_are_drawn(tmp_path, synthetic):
         assert (tmp_path / f"{name}.{suffix}").read_bytes().startswith(start)
 
 
+@pytest.mark.full
 def test_titles_are_drawn_literally(tmp_path, synthetic):
     """Dollar signs and characters missing in the font cause no warning."""
     shown = dataclasses.replace(synthetic.result(synthetic.step(1e-6)).provenance, title=r"$\frac{$ 接触 $x_1^ \x07")

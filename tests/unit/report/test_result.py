@@ -289,6 +289,7 @@ def test_failed_increments_are_not_selected_as_peak(result):
     assert select(dataclasses.replace(result, steps=(*result[:2], broken, result[3]))) is result[1]
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("which", ["peak", "last", "1", "1.3", "2", "7"])
 def test_choice_of_passing_increments_agrees_with_select(synthetic, which):
     """Among random loads are nearly equal ones, and some that are not finite."""

@@ -44,6 +44,7 @@ def test_edge_nodes_become_biactive() -> None:
     assert ((state.contact_fraction == 1.0) == (state.load[:, 2] < -1e-9 * pressure))[~biactive].all()
 
 
+@pytest.mark.full
 def test_force_decreases_monotonically_to_less_than_half() -> None:
     """All conductivities converge, including both limits."""
     forces = []

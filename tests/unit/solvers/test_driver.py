@@ -140,6 +140,7 @@ def test_unstable_step_length_does_not_converge() -> None:
     assert solution.residual > 1e-3
 
 
+@pytest.mark.full
 def test_step_length_of_the_paper_gives_same_solution() -> None:
     """The step length is 5e3 GPa/m; lambda_max of this zone is near 3e-14 m/Pa."""
     automatic = solve(problem(), Uzawa())
@@ -148,6 +149,7 @@ def test_step_length_of_the_paper_gives_same_solution() -> None:
     assert fixed.state.load == pytest.approx(automatic.state.load, rel=1e-7, abs=1.0)
 
 
+@pytest.mark.full
 def test_criterion_of_the_paper() -> None:
     """Changes are in m, GV, GA and GPa over one step; the residual is reported, too."""
     limits = StoppingCriteria(criterion="paper", tolerance=1e-6)

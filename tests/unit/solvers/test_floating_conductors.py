@@ -183,15 +183,14 @@ def test_matrix_free_systems(solver) -> None:
 
 @pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("solver", ALL, ids=str)
-@pytest.mark.parametrize("factors", [(1e-9, 1.0), (1e9, 1e-9)], ids=str)
 @pytest.mark.parametrize("potentials", [False, True], ids=["all", "potentials"])
-def test_solutions_do_not_depend_on_units(solver, factors, potentials) -> None:
+def test_solutions_do_not_depend_on_units(solver, potentials) -> None:
     problem = conducting_sphere(IsotropicCoulomb(MU), KAPPA["finite"], cells=7)
     free = [prescribe_resultant(problem.system, PRESS, 800.0), prescribe_resultant(problem.system, VOLTAGE, 1e-7)]
     free.append(prescribe_resultant(problem.system, SLIDE, 100.0))
     problem = replace(problem, prescribed_resultants=tuple(free))
     changed = np.array([not potentials] * 3 + [True] * 2)
-    displacement, load = (np.where(changed, factor, 1.0) for factor in factors)
+    displacement, load = (np.where(changed, factor, 1.0) for factor in (1e9, 1e-9))
     plain = balanced_solution(problem, solver, StoppingCriteria())
     other = solve(rescaled(problem, displacement, load), solver)
     assert other.status is Status.CONVERGED

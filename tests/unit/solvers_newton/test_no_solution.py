@@ -44,10 +44,9 @@ def solutions(problem: ContactProblem) -> list[Array]:
 
 @pytest.mark.full
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
-@pytest.mark.parametrize(("material", "drag"), [("transverse", 7.5), ("orthotropic", 5.0)])
-def test_no_solver_converges_without_a_solution(sphere, solver, material, drag) -> None:
+def test_no_solver_converges_without_a_solution(sphere, solver) -> None:
     """The translation is several approaches: some node is in tension if it sticks and overlaps if it opens."""
-    problem = sphere(material, STICK, drag=drag, cells=3)
+    problem = sphere("orthotropic", STICK, drag=5.0, cells=3)
     assert not solutions(problem)
     solution = solve(problem, solver, limits(solver))
     assert solution.status is not Status.CONVERGED

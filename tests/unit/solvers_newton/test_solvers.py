@@ -69,7 +69,7 @@ def is_insulated(problem):
     return all(law == Insulating() for law in (channel.law for channel in problem.channels))
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("condition", CONDITIONS)
 @pytest.mark.parametrize(
     ("material", "law"),
@@ -248,7 +248,7 @@ def test_auto_escapes_a_nearly_converged_state() -> None:
     np.testing.assert_allclose(solution.state.motion, motion, rtol=1e-6)
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("solver", FRICTIONAL, ids=name)
 def test_conformance(solver) -> None:
     check_solver(solver)

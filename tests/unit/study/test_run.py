@@ -117,7 +117,7 @@ def test_fields_that_cannot_be_written_cost_nothing_else(case, tmp_path, monkeyp
     assert not (tmp_path / "out" / SERIES).exists()
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("law", "draws"), [(Signorini(), True), (IsotropicCoulomb(0.3), False)], ids=["slips restored", "slips stored"]
 )
