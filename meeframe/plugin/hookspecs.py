@@ -49,9 +49,11 @@ class Record(Generic[T_co]):
 
 
 class HookSpecs:
-    """Hooks of meeframe.
+    """Hooks of meeframe, one for each kind of object.
 
-    An implementation returns a list of records; see docs/howto/plugins.md.
+    An implementation is a function of the same name, without arguments, decorated with `hookimpl`. It returns a list of
+    records (`Record`) whose factories make objects of the abstract class that the hook names; see
+    docs/howto/plugins.md.
     """
 
     @hookspec

@@ -106,14 +106,19 @@ class ApproximateInverse(ABC):
     def prolongation(self, nodes: Indices) -> "Prolongation | None":
         """Return a prolongation of displacements from some nodes to all nodes; None, for that by zeros, by default.
 
-        Among all displacements that agree at the nodes, that of a load on these nodes alone has the least energy. The
-        closer a prolongation is to it, the better the approximate inverse, between prolongation and restriction,
-        approximates the inverse of the compliance restricted to the nodes.
-
         Parameters
         ----------
         nodes : Indices
-            (f,), each once.
+            Numbers of the nodes, (f,), each once.
+
+        Returns
+        -------
+        Prolongation or None
+            The prolongation. None if there is none better than that by zeros.
+
+        Notes ----- Among all displacements that agree at the nodes, that of a load on these nodes alone has the least
+        energy. The closer a prolongation is to it, the better the approximate inverse, between prolongation and
+        restriction, approximates the inverse of the compliance restricted to the nodes.
         """
         return None
 
@@ -194,7 +199,18 @@ class LatticeStencil(ABC):
 
     @abstractmethod
     def stencil(self, radius: int) -> "Stencil | None":
-        """Return the responses up to `radius` places away; None if the lattice is smaller than that."""
+        """Return the responses of nodes to loads on the nodes around them.
+
+        Parameters
+        ----------
+        radius : int
+            Largest offset r along each axis, in places of the lattice.
+
+        Returns
+        -------
+        Stencil or None
+            Responses up to this offset. None if the lattice is smaller than that.
+        """
 
 
 class Restriction(ABC):
@@ -277,6 +293,11 @@ class InteriorFields(ABC):
         progress : callable, optional
             Function that receives the stage `INTERIOR_STAGE` and the fraction of the points that is done.
 
+        Returns
+        -------
+        PointFields
+            Fields at the m points, in SI units and global axes.
+
         Raises
         ------
         CaseError
@@ -332,10 +353,10 @@ class PointFields:
 
         Parameters
         ----------
-        moduli
-            Thermal moduli (3, N_FIELDS) [SI].
-        column
-            Column of the temperature.
+        moduli : Array
+            Thermal moduli, (3, N_FIELDS), SI units.
+        column : int
+            Column of the temperature among the fields.
 
         Returns
         -------

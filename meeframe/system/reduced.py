@@ -15,7 +15,7 @@ Progress = Callable[[str, float], None]
 
 
 def silent(_stage: str, _fraction: float) -> None:
-    """Report no progress."""
+    """Report no progress; the default of arguments of the type `Progress`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class ReducedSystem(ABC):
 
     @abstractmethod
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, f, f).
+        """Return the response of each node to its own load.
 
         Returns
         -------

@@ -92,7 +92,24 @@ class InteriorRepresentation:
     def of(
         cls, fundamental_solution: FundamentalSolution, body: Body, units: Units, spread: float
     ) -> "InteriorRepresentation":
-        """Return the representation of a body; the last arguments are `units` and `anisotropy`."""
+        """Return the representation of a body.
+
+        Parameters
+        ----------
+        fundamental_solution : FundamentalSolution
+            Method for the coupled fields.
+        body : Body
+            The body.
+        units : Units
+            Units of the system.
+        spread : float
+            Anisotropy of the medium, see `meeframe.elements.anisotropy`.
+
+        Returns
+        -------
+        InteriorRepresentation
+            The representation.
+        """
         data = body.mesh, body.stiffness, units, partial(bind_body, fundamental_solution, body), spread
         if body.thermal_moduli is None:
             return cls(*data)
@@ -147,7 +164,21 @@ class InteriorRepresentation:
         return point_fields if self.moduli is None else point_fields.with_heat(self.moduli, self.temperature)
 
     def on_plane(self, boundary: NodalFields, points: Array, normal: Array) -> PointFields:
-        """Return the fields at points (m, 3) on the plane part of the boundary with an outward normal (3,).
+        """Return the fields at points on a plane part of the boundary.
+
+        Parameters
+        ----------
+        boundary : NodalFields
+            Fields on the whole boundary.
+        points : Array
+            Positions in the plane, (m, 3) [m].
+        normal : Array
+            Outward unit normal of the plane, (3,).
+
+        Returns
+        -------
+        PointFields
+            The fields, in SI units and global axes.
 
         Raises
         ------
