@@ -20,7 +20,23 @@ DPI: Final = 100
 
 
 def known_studies(folder: Path) -> dict[str, Path]:
-    """Return the study files by name; fig-05 is FOLDER/*/fig-05.toml. Raises CaseError if there are none."""
+    """Return the study files of a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder, whose subfolders hold the files.
+
+    Returns
+    -------
+    dict of str to Path
+        Files by name; fig-05 is FOLDER/*/fig-05.toml.
+
+    Raises
+    ------
+    CaseError
+        If there are none.
+    """
     if not folder.is_dir():
         raise CaseError(f"folder of studies {folder} does not exist; name another folder with --validation")
     studies = {file.stem: file for file in sorted(folder.glob("*/fig-*.toml"))}
@@ -30,7 +46,25 @@ def known_studies(folder: Path) -> dict[str, Path]:
 
 
 def choose(names: Sequence[str], known: dict[str, Path]) -> list[Path]:
-    """Return the files of the named studies, each once; `all` selects all. Raises CaseError for an unknown name."""
+    """Return the files of the named studies, each once.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names; 'all' selects all.
+    known : dict of str to Path
+        Files by name, as of `known_studies`.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    CaseError
+        For an unknown name.
+    """
     for name in names:
         if name not in known and name != ALL:
             raise CaseError(f"unknown figure {name!r}; {choices(name, (*known, ALL))}")

@@ -69,7 +69,23 @@ class ValidationCase:
 
 
 def known_cases(folder: Path) -> dict[str, Path]:
-    """Return the case folders (FOLDER/*/checks.py) by name. Raises CaseError if there are none."""
+    """Return the validation cases of a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+
+    Returns
+    -------
+    dict of str to Path
+        Folders of the cases, with FOLDER/*/checks.py, by name.
+
+    Raises
+    ------
+    CaseError
+        If there are none.
+    """
     if not folder.is_dir():
         raise CaseError(f"folder of validation cases {folder} does not exist; name another folder with --validation")
     cases = {file.parent.name: file.parent for file in sorted(folder.glob(f"*/{MODULE}"))}
@@ -82,6 +98,16 @@ def known_cases(folder: Path) -> dict[str, Path]:
 
 def load_case(folder: Path) -> ValidationCase:
     """Import the module of a case.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the case.
+
+    Returns
+    -------
+    ValidationCase
+        The case.
 
     Raises
     ------

@@ -210,9 +210,30 @@ def _run_all(
 def planned_runs(
     file: Path, chosen: Sequence[Choice], meshes: Meshes, registry: Registry
 ) -> tuple[list[PlannedRun], dict[str, str]]:
-    """Return all runs of a verification, coarsest meshes first, and the reasons of formulations that refuse the case.
+    """Return all runs of a verification.
 
-    Raises CaseError if the meshes cannot be coarsened or two of them are equal.
+    Parameters
+    ----------
+    file : Path
+        The case file.
+    chosen : sequence of Choice
+        Formulations to compare.
+    meshes : Meshes
+        Number and ratio of the meshes.
+    registry : Registry
+        Registry of plugins.
+
+    Returns
+    -------
+    list of PlannedRun
+        The runs, coarsest meshes first.
+    dict of str to str
+        Reasons of the formulations that refuse the case, by their labels.
+
+    Raises
+    ------
+    CaseError
+        If the meshes cannot be coarsened or two of them are equal.
     """
     _, tables = read_toml(file)
     runs: list[PlannedRun] = []
@@ -267,10 +288,24 @@ def _solve(run: PlannedRun, every_step: bool, reducer: Callable[[Case], ReducedS
 
 
 def measured(system: ReducedSystem, step: StepResult, scaling: FieldScaling) -> dict[str, MeasuredQuantity]:
-    """Return the quantities of a load step that a verification compares, by name.
+    """Return the quantities of a load step that a verification compares.
 
-    These are `meeframe.study.quantities.totals` and the moments without those that are prescribed, and the motions
-    that were found for prescribed resultants. scaling: of the material.
+    These are `meeframe.study.quantities.totals` and the moments without those that are prescribed, and the motions that
+    were found for prescribed resultants.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        Reduced system of the case.
+    step : StepResult
+        End of the load step.
+    scaling : FieldScaling
+        Scaling of the material.
+
+    Returns
+    -------
+    dict of str to MeasuredQuantity
+        Quantities by name, SI units.
     """
     zone = zone_of(system)
     summed = resultants(zone, step)

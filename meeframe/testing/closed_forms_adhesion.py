@@ -64,7 +64,22 @@ class Maugis:
         return float(2.0 * self.stress * (self.radius / (np.pi * self.work * self._stiffness**2)) ** (1.0 / 3.0))
 
     def at(self, contact_radius: float) -> tuple[float, float, float]:
-        """Return (outer radius of the attraction [m], force [N], approach [m]) at a contact radius > 0 [m]."""
+        """Return the state at a contact radius.
+
+        Parameters
+        ----------
+        contact_radius : float
+            Contact radius > 0 [m].
+
+        Returns
+        -------
+        float
+            Outer radius of the attraction [m].
+        float
+            Force [N].
+        float
+            Approach [m].
+        """
         lam, a = self.transition, contact_radius / self.contact_unit
 
         def opening(m: float) -> float:
@@ -109,7 +124,26 @@ def bradley_force(work: float, radius: float, distance: float, range_: float) ->
 
 
 def hertz_gap(r: Array, contact_radius: float, radius: float) -> Array:
-    """Return the gap (n,) [m] outside a Hertzian contact, r >= contact_radius [m] (Johnson (1985), section 4.2)."""
+    """Return the gap outside a Hertzian contact.
+
+    Parameters
+    ----------
+    r : Array
+        Radii >= contact_radius, (n,) [m].
+    contact_radius : float
+        Contact radius [m].
+    radius : float
+        Radius of the sphere [m].
+
+    Returns
+    -------
+    Array
+        Gaps, (n,) [m].
+
+    References
+    ----------
+    Johnson (1985), section 4.2.
+    """
     m = np.maximum(np.asarray(r, float) / contact_radius, 1.0)
     root = np.sqrt(m * m - 1.0)
     return np.asarray(contact_radius**2 / (np.pi * radius) * (root + (m * m - 2.0) * np.arctan(root)))

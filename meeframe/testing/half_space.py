@@ -81,7 +81,20 @@ def indentation_problem(
 
 
 def inverse_distance_integral(x: Array, y: Array, half: float) -> Array:
-    """Return the integral of 1/distance over the square |x'|, |y'| < half, at points (x, y) of its plane [m]."""
+    """Return the integral of 1/distance over the square |x'|, |y'| < half.
+
+    Parameters
+    ----------
+    x, y : Array
+        Coordinates of points in the plane of the square [m].
+    half : float
+        Half the side of the square [m].
+
+    Returns
+    -------
+    Array
+        Integrals [m], of the shape of the coordinates.
+    """
     total = np.zeros(np.broadcast(x, y).shape)
     for sx in (1.0, -1.0):
         for sy in (1.0, -1.0):

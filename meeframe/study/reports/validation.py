@@ -210,7 +210,20 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """Curves in one coordinate system; `note` is a caption of one or two sentences.
+    """Curves in one coordinate system.
+
+    Attributes
+    ----------
+    title : str
+        Title.
+    x_label, y_label : str
+        Labels of the axes, with units.
+    curves : tuple of Curve
+        The curves, at least one.
+    log_x, log_y : bool
+        Whether the axes are logarithmic.
+    note : str
+        Caption of one or two sentences.
 
     Raises
     ------
@@ -234,7 +247,20 @@ class Plot:
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """Fields on one regular grid, selected by label: each (ny, nx) at x (nx,), y (ny,).
+    """Fields on one regular grid, selected by label.
+
+    Attributes
+    ----------
+    title : str
+        Title.
+    x_label, y_label, value_label : str
+        Labels of the axes and of the values, with units.
+    x, y : Array
+        Coordinates, (nx,) and (ny,).
+    fields : dict of str to Array
+        Values by label, (ny, nx) each.
+    note : str
+        Caption of one or two sentences.
 
     Raises
     ------
@@ -294,7 +320,15 @@ def _check_shape(what: str, name: str, values: Any, shape: tuple[int, ...]) -> N
 
 @dataclass(frozen=True)
 class Row:
-    """An outcome, and the seconds since the previous item."""
+    """Outcome in a validation.
+
+    Attributes
+    ----------
+    item : Check, Claim or Skip
+        The outcome.
+    seconds : float
+        Time since the previous item [s].
+    """
 
     item: Check | Claim | Skip
     seconds: float
@@ -372,7 +406,18 @@ class Validation:
         return len(self.finished) == self.planned and not self.failed
 
     def count(self, verdict: Verdict) -> int:
-        """Return the number of checks with this outcome."""
+        """Return the number of checks with an outcome.
+
+        Parameters
+        ----------
+        verdict : Verdict
+            The outcome.
+
+        Returns
+        -------
+        int
+            The number.
+        """
         return sum(case.verdicts.count(verdict) for case in self.cases)
 
     @property

@@ -111,7 +111,13 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Agreement:
-    """Comparison of two estimates of one quantity."""
+    """Comparison of two estimates of one quantity.
+
+    Attributes
+    ----------
+    first, second : Estimate
+        The estimates, by two formulations.
+    """
 
     first: Estimate
     second: Estimate

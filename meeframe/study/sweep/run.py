@@ -208,7 +208,20 @@ class PointData:
 
     @classmethod
     def of(cls, outcome: Outcome, fields: Sequence[str]) -> "PointData":
-        """Extract the data of an outcome."""
+        """Extract the data of an outcome.
+
+        Parameters
+        ----------
+        outcome : Outcome
+            Outcome of the point.
+        fields : sequence of str
+            Names of the fields of the contact zone that the study collects.
+
+        Returns
+        -------
+        PointData
+            The data.
+        """
         result = outcome.result
         if result is None:
             return cls(outcome.status, outcome.message)
