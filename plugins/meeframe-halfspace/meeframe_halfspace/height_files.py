@@ -65,6 +65,11 @@ def read_height_map(file: str | Path, scales: Scales | None = None) -> HeightMap
     scales
         Properties that the file does not define.
 
+    Returns
+    -------
+    HeightMap
+        The map [m].
+
     Raises
     ------
     CaseError

@@ -75,7 +75,17 @@ class MeasuredHeights(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return the height above the lowest one of the map, (n,) [m], inf beyond the map.
+        """Return the height above the lowest one of the map.
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates from the axis of the indenter, (n,) each [m].
+
+        Returns
+        -------
+        Array
+            Heights, (n,) >= 0 [m], inf beyond the map.
 
         Raises
         ------
@@ -86,7 +96,18 @@ class MeasuredHeights(Indenter):
         return np.maximum(_sample(self, _modification_time(self.file)).height(x, y), 0.0)
 
     def topography(self) -> HeightMap:
-        """Return the prepared map, peaks up as they touch first. Raises CaseError as `height`."""
+        """Return the prepared map, peaks up as they touch first.
+
+        Returns
+        -------
+        HeightMap
+            The map [m].
+
+        Raises
+        ------
+        CaseError
+            As `height`.
+        """
         surface = _prepared(self, _modification_time(self.file))
         return surface if self.facing == "up" else replace(surface, heights=-surface.heights)
 
