@@ -77,11 +77,11 @@ class ResultWriter:
 
     Parameters
     ----------
-    folder
+    folder : Path
         Output folder.
-    result
+    result : Result
         Data of the run before its first increment.
-    fields
+    fields : collection of str or None
         Optional nodal fields to store (`meeframe.results.schema.optional_fields`); None: all.
     """
 

@@ -53,21 +53,21 @@ class NodalField:
 
     Parameters
     ----------
-    name, unit, label
+    name, unit, label : str
         Key in files and studies, SI unit, words for figures and tables.
-    values
+    values : callable
         Function of the zone and an increment that returns an array (n,), or (n, k) for k components.
-    components
+    components : int
         Number k of components along e1, e2, nu of the zone's frames; 0 for a scalar.
-    stored
+    stored : StorageCondition
         Condition under which result files hold it.
-    views
+    views : frozenset of View
         Further outputs that show it.
-    attribute, column
+    attribute, column : str and int or None
         Attribute of StepResult, and column of it, that a result file restores from it; "" if it follows from others.
-    integer
+    integer : bool
         True if its values are integers.
-    phenomenon
+    phenomenon : str
         See `is_present`.
     """
 
@@ -312,16 +312,16 @@ class Total:
 
     Parameters
     ----------
-    name, unit, label
+    name, unit, label : str
         Key in files and studies, SI unit, words for tables.
-    components
+    components : tuple of str
         Suffixes of its components, () for a single number.
-    value
+    value : callable or None
         Function of the zone and an increment that returns the number, or an array of numbers; None for the entry of
         `resultants` under this name.
-    phenomenon
+    phenomenon : str
         See `is_present`.
-    views
+    views : frozenset of View
         Tables that show it: files and sweeps hold every total.
     """
 

@@ -109,7 +109,7 @@ def resolve_edges(
 
     Parameters
     ----------
-    problem, state
+    problem, state : ContactProblem and ContactState
         Contact problem, and its solution with the contact edge at nodes.
     indenter_edge : callable, optional
         Function that returns the edge of the indenter; called only if the system resolves edges.

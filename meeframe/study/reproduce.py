@@ -86,17 +86,17 @@ def reproduce(
 
     Parameters
     ----------
-    names
+    names : sequence of str
         Names of figures, or `all`.
-    folder
+    folder : Path
         Folder of the studies.
-    out
+    out : Path
         Output folder; created if it does not exist and locked until the last study is drawn.
-    progress
+    progress : callable, optional
         Called with the stage and the fraction of it that is done.
-    pool
+    pool : Pool, optional
         Pool that solves the runs; by default this process.
-    suffix
+    suffix : str, optional
         Format of the figure, of meeframe.results.figures.FORMATS.
 
     Yields

@@ -52,13 +52,13 @@ class ValidationCase:
 
     Attributes
     ----------
-    name
+    name : str
         Name of the folder.
-    title
+    title : str
         Title of the case.
-    source
+    source : str
         Publication of the references.
-    items
+    items : callable
         Function that yields the items of a quick or a full validation.
     """
 
@@ -132,15 +132,15 @@ def validate(
 
     Parameters
     ----------
-    folder
+    folder : Path
         Folder of the cases.
-    out
+    out : Path
         Output folder; created if it does not exist and locked until the validation ends.
-    names
+    names : sequence of str, optional
         Names of the cases to run; by default all.
-    quick
+    quick : bool, optional
         Whether to use coarser grids.
-    progress
+    progress : callable, optional
         Called with the name of the case when it starts.
 
     Returns

@@ -56,11 +56,11 @@ class Meshes:
 
     Attributes
     ----------
-    levels
+    levels : int
         Number of meshes; the finest is that of the case.
-    factor
+    factor : float
         Ratio of the element sizes of successive meshes.
-    order
+    order : float
         Theoretical order of totals, used where no order is observed.
 
     Raises
@@ -93,11 +93,11 @@ class PlannedRun:
 
     Attributes
     ----------
-    formulation
+    formulation : str
         Label of the formulation.
-    size
+    size : float
         Element size relative to the width of the contact zone.
-    case
+    case : Case
         The case of the run.
     """
 
@@ -125,28 +125,28 @@ def verify(
 
     Parameters
     ----------
-    file
+    file : Path
         The case file.
-    out
+    out : Path
         Output folder; created if it does not exist.
-    formulations
+    formulations : sequence of str, optional
         Names or inline tables, as for `meeframe compare`. By default all registered formulations; those that refuse the
         case are listed in the verification.
-    meshes
+    meshes : Meshes, optional
         Meshes to use.
-    every_step
+    every_step : bool, optional
         Whether to compare at the end of every load step instead of the last one only.
-    overwrite
+    overwrite : bool, optional
         Whether earlier results in `out` are replaced.
-    registry
+    registry : Registry, optional
         Registry of plugins; by default everything that is installed.
-    progress
+    progress : callable, optional
         Called with the stage and the fraction of it that is done.
-    cache
+    cache : Path, optional
         Folder of reduced systems shared with other verifications, see `meeframe.model.cache`.
-    warn
+    warn : callable, optional
         Called first, with the warnings of each formulation on each mesh and of the case.
-    suffix
+    suffix : str, optional
         Format of the figure, of meeframe.results.figures.FORMATS.
 
     Returns

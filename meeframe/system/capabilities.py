@@ -311,13 +311,13 @@ class PointFields:
 
     Attributes
     ----------
-    points
+    points : Array
         (m, 3) [m].
-    values
+    values : Array
         (m, f) displacements and potentials; unlike in a displacement of `ReducedSystem`, potentials are not negated.
-    gradients
+    gradients : Array
         (m, f, 3) derivatives of the values with respect to the position.
-    fluxes
+    fluxes : Array
         (m, 3, f) stress and flux densities: entry (i, J) is the component i of the flux of field J. Columns 0 to 2 are
         the stress, the others the electric displacement D, the magnetic flux density B and fluxes of further fields.
     """
@@ -374,11 +374,11 @@ class Coarsening:
 
     Attributes
     ----------
-    system
+    system : ReducedSystem
         The coarser system, with m nodes.
-    nodes
+    nodes : Indices
         (m,) nodes of the finer system that are the nodes of the coarser one, in its order.
-    prolong
+    prolong : callable
         Values (n, k) at the nodes of the finer system from values (m, k).
     """
 
@@ -393,9 +393,9 @@ class Subsystem:
 
     Attributes
     ----------
-    system
+    system : ReducedSystem
         The system on the part, with m nodes.
-    nodes
+    nodes : Indices
         (m,) nodes of the whole zone that are the nodes of the part, in its order.
     """
 
@@ -409,11 +409,11 @@ class Stencil:
 
     Attributes
     ----------
-    lattice
+    lattice : Indices
         (nx, ny), node at each place.
-    periodic
+    periodic : bool
         True if the lattice repeats itself.
-    responses
+    responses : Array
         (2 r + 1, 2 r + 1, f, f): entry [r + i, r + j] is the displacement of a node due to the load on the node that
         lies (i, j) places before it.
     """
@@ -429,9 +429,9 @@ class EdgeCorrection:
 
     Attributes
     ----------
-    extra_compliance
+    extra_compliance : Array
         (n, f, f) addition to the diagonal blocks, with positive semidefinite symmetric parts.
-    area_fraction
+    area_fraction : Array
         (n,) fraction of the area of each node that is in contact, in [0, 1]; also positive at nodes just outside.
     """
 
@@ -445,11 +445,11 @@ class IndenterEdge:
 
     Attributes
     ----------
-    distance
+    distance : Array
         (n,) [m] from the edge, positive under the indenter and negative outside; inf or -inf far away.
-    outward
+    outward : Array
         (n, 2) direction across the edge in the local frame, zero far away.
-    gap
+    gap : Array
         (n,) [m] between the body and the continued surface of the indenter at nodes just outside, inf elsewhere.
     """
 
@@ -519,7 +519,7 @@ def rescale_inverse(inverse: Callable[[Array], Array], before: Array, after: Arr
 
     Parameters
     ----------
-    inverse
+    inverse : callable
         Approximate inverse of the other compliance.
     before, after : (n, k) arrays
         Diagonals of the other compliance and of the new one.

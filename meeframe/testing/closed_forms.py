@@ -226,15 +226,15 @@ class Indentation:
 
     Attributes
     ----------
-    xi
+    xi : Array
         Point-source response, (3, 3).
-    shape
+    shape : Shape
         Shape of the indenter.
-    contact_radius
+    contact_radius : float
         Contact radius [m].
-    shift
+    shift : float
         Contribution of the potentials to the approach that determines the contact radius [m].
-    edge, bounded
+    edge, bounded : Array
         Amplitudes (3,) of the singular and the bounded density in the outward extended tractions (t3, q, s).
 
     Notes
@@ -392,13 +392,13 @@ def indent(
 
     Parameters
     ----------
-    xi
+    xi : Array
         Point-source response (3, 3) in SI units.
-    shape
+    shape : Shape
         Shape of the indenter.
-    approach
+    approach : float
         Approach > 0 [m].
-    electric_potential, magnetic_potential
+    electric_potential, magnetic_potential : float, optional
         Potentials of a conducting indenter [V], [A]; None if it insulates (EMII: None, None).
 
     Raises

@@ -24,13 +24,13 @@ class Maugis:
 
     Attributes
     ----------
-    radius
+    radius : float
         Radius of the paraboloid [m].
-    modulus
+    modulus : float
         Plane-strain modulus E* [Pa].
-    work
+    work : float
         Work of adhesion [J/m^2].
-    stress
+    stress : float
         Attraction [Pa].
 
     References
@@ -107,13 +107,13 @@ def bradley_force(work: float, radius: float, distance: float, range_: float) ->
 
     Parameters
     ----------
-    work
+    work : float
         Work of adhesion w [J/m^2].
-    radius
+    radius : float
         Radius of the paraboloid [m].
-    distance
+    distance : float
         Distance [m].
-    range_
+    range_ : float
         Range z_0 [m] of the attraction sigma = 2 w / z_0 (1 + g / z_0)^-3.
 
     References
@@ -156,13 +156,13 @@ def weak_attraction(
 
     Parameters
     ----------
-    sigma
+    sigma : callable
         Attraction [Pa] as a function of the gap [m].
-    contact_radius
+    contact_radius : float
         Contact radius [m].
-    radius
+    radius : float
         Radius of the paraboloid [m].
-    outer_radius
+    outer_radius : float
         Radius up to which the attraction is integrated [m].
 
     Notes
@@ -187,11 +187,11 @@ def quarter_half_space(modulus: float, half_side: float, cells: int) -> DenseSys
 
     Parameters
     ----------
-    modulus
+    modulus : float
         Modulus E* of the normal response [Pa].
-    half_side
+    half_side : float
         Side of the quarter 0 < x, y < half_side [m].
-    cells
+    cells : int
         Number of cells along a side.
     """
     side = half_side / cells

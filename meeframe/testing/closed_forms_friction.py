@@ -67,7 +67,7 @@ def bonding_factor(poisson: float) -> float:
 
     Parameters
     ----------
-    poisson
+    poisson : float
         Poisson's ratio in (-1, 1/2]; c = 1 at 1/2.
 
     Returns
@@ -95,13 +95,13 @@ class HertzContact:
 
     Attributes
     ----------
-    young
+    young : float
         Young's modulus [Pa].
-    poisson
+    poisson : float
         Poisson's ratio.
-    radius
+    radius : float
         Radius of the sphere [m].
-    approach
+    approach : float
         Approach > 0 [m].
     """
 
@@ -152,9 +152,9 @@ class PartialSlip:
 
     Attributes
     ----------
-    hertz
+    hertz : HertzContact
         The normal contact.
-    friction
+    friction : float
         Coefficient of friction mu > 0.
 
     References
@@ -350,11 +350,11 @@ class FullStick:
 
     Attributes
     ----------
-    young, poisson
+    young, poisson : float
         Young's modulus [Pa] and Poisson's ratio.
-    power
+    power : float
         1 (cone, coefficient tan(angle)), 2 (sphere, coefficient 1/(2 R)) or any other positive number.
-    coefficient
+    coefficient : float
         Coefficient of the shape.
 
     Notes
@@ -472,9 +472,9 @@ class SphereTorsion:
 
     Attributes
     ----------
-    hertz
+    hertz : HertzContact
         The normal contact.
-    friction
+    friction : float
         Coefficient of friction mu > 0; inf for full stick.
 
     Notes

@@ -23,14 +23,14 @@ def half_space_system(xi: Array, side: float, cells: int, offset: Array | None =
 
     Parameters
     ----------
-    xi
+    xi : Array
         Point-source response u_J = xi_JK t_K / r, (5, 5) over (u1, u2, u3, phi, psi), or (3, 3) over (u3, phi, psi)
         without tangential response.
-    side
+    side : float
         Side of the square |x|, |y| < side/2 [m].
-    cells
+    cells : int
         Number of cells along a side.
-    offset
+    offset : Array, optional
         Offset (n, 5) as in ReducedSystem; zero by default.
     """
     full = np.zeros((5, 5))
@@ -54,19 +54,19 @@ def indentation_problem(
 
     Parameters
     ----------
-    system
+    system : ReducedSystem
         The reduced system.
-    height
+    height : Array
         Height (n,) of the indenter above its lowest point [m].
-    approach
+    approach : float
         Approach [m].
-    contact_law
+    contact_law : ContactLaw, optional
         Contact law; by default Signorini.
-    conductivity
+    conductivity : tuple of float, optional
         Conductivity of the electric and magnetic step law.
-    potentials
+    potentials : tuple of float, optional
         Potentials of the indenter [V], [A].
-    translation
+    translation : tuple of float, optional
         Tangential displacement of the indenter [m].
     """
     n = len(height)

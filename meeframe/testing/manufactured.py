@@ -62,11 +62,11 @@ class LinearField(ExactField):
 
     Attributes
     ----------
-    stiffness
+    stiffness : Array
         Extended stiffness (3, f, f, 3).
-    gradient
+    gradient : Array
         Gradient (f, 3).
-    constant
+    constant : Array
         Constant (f,).
     """
 
@@ -116,11 +116,11 @@ class PointSourceField(ExactField):
 
     Attributes
     ----------
-    stiffness
+    stiffness : Array
         Extended stiffness (3, 5, 5, 3).
-    position
+    position : Array
         Position (3,) of the source.
-    strength
+    strength : Array
         Strength (5,) in scaled fields.
     """
 
@@ -153,11 +153,11 @@ class ThermalField(ExactField):
 
     Attributes
     ----------
-    material
+    material : Material
         Material with thermal moduli.
-    level
+    level : float
         Temperature at the origin [K].
-    slope
+    slope : Array
         Gradient of the temperature (3,) [K/m].
     """
 
@@ -210,9 +210,9 @@ class HeatSourceField(ExactField):
 
     Attributes
     ----------
-    material
+    material : Material
         Material with thermal moduli.
-    position
+    position : Array
         Position (3,) of the source.
     """
 
@@ -294,13 +294,13 @@ def prescribe(mesh: SurfaceMesh, field: ExactField, stiffness: Array, kinds: Map
 
     Parameters
     ----------
-    mesh
+    mesh : SurfaceMesh
         Surface mesh.
-    field
+    field : ExactField
         The solution.
-    stiffness
+    stiffness : Array
         Extended stiffness (3, 5, 5, 3).
-    kinds
+    kinds : dict of str to str
         Five letters for each face group, one for each field: 'v' prescribes the value, 'f' the flux. Normals are
         averaged over the elements of the group at each point, so that a group with prescribed fluxes must not contain
         edges.

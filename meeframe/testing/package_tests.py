@@ -15,9 +15,9 @@ def create(kind: str, table: Any) -> Any:
 
     Parameters
     ----------
-    kind
+    kind : str
         Kind of the object, such as 'contact law'.
-    table
+    table : object
         A table with the key `name`, or a name alone.
 
     Raises
@@ -33,7 +33,7 @@ def provider_of(kind: str, name: str) -> str:
 
     Parameters
     ----------
-    kind, name
+    kind, name : str
         Kind and name of the object.
     """
     entries = (entry for entry in load().entries if (str(entry.kind), entry.record.name) == (kind, name))
@@ -47,7 +47,7 @@ def solve_example(file: Path, *solvers: str) -> list[StepResult]:
 
     Parameters
     ----------
-    file
+    file : Path
         The case file.
     *solvers
         Names of further solvers.

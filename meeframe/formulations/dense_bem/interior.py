@@ -64,19 +64,19 @@ class InteriorRepresentation:
 
     Attributes
     ----------
-    mesh
+    mesh : SurfaceMesh
         Boundary of the body [m].
-    stiffness
+    stiffness : Array
         Extended stiffness (3, fields, fields, 3) in SI units.
-    units
+    units : Units
         Units of the system.
-    bind
+    bind : callable
         Function that returns the fundamental solution for the scaled stiffness.
-    anisotropy
+    anisotropy : float
         Anisotropy of the medium, see `meeframe.elements.anisotropy`.
-    moduli
+    moduli : Array or None
         Thermal moduli (3, N_FIELDS) [SI]; None if heat acts on no other field.
-    temperature
+    temperature : int
         Column of the temperature.
     """
 
@@ -120,11 +120,11 @@ class InteriorRepresentation:
 
         Parameters
         ----------
-        boundary
+        boundary : NodalFields
             Fields on the boundary, with the cells of the mesh in its order.
-        points
+        points : Array
             Positions in global axes [m].
-        progress
+        progress : callable, optional
             Function that receives the stage and the fraction of the points that is done.
 
         Raises

@@ -38,19 +38,19 @@ class Check:
 
     Attributes
     ----------
-    name
+    name : str
         Name of the check.
-    computed, reference
+    computed, reference : float
         Values in the unit.
-    tolerance
+    tolerance : float
         Bound of |computed/reference - 1|, or of |computed - reference| if absolute.
-    unit
+    unit : str
         Unit of the values.
-    absolute
+    absolute : bool
         Whether the difference is absolute.
-    explained
+    explained : str
         Reason for a known difference from a published number.
-    explained_up_to
+    explained_up_to : float
         Largest difference that the reason accounts for, greater than the tolerance.
 
     Raises
@@ -109,17 +109,17 @@ class Claim:
 
     Attributes
     ----------
-    name
+    name : str
         The statement.
-    observed
+    observed : str
         Computed values, in words.
-    criterion
+    criterion : str
         Criterion for the values.
-    holds
+    holds : bool or None
         Whether the criterion is met; None if the mesh is too coarse to decide.
-    explained
+    explained : str
         Reason if the statement is known not to hold.
-    as_explained
+    as_explained : bool
         Whether the values agree with this reason.
 
     Raises
@@ -158,9 +158,9 @@ class Skip:
 
     Attributes
     ----------
-    name
+    name : str
         Name of the check.
-    reason
+    reason : str
         The missing requirement and how to install it.
     """
 
@@ -182,13 +182,13 @@ class Curve:
 
     Attributes
     ----------
-    label
+    label : str
         Label in the legend.
-    x, y
+    x, y : Array
         Coordinates (m,) in the units of the labels of the plot.
-    points
+    points : bool
         Whether to draw markers instead of a line.
-    joined
+    joined : bool
         Whether to draw both.
 
     Raises
@@ -340,17 +340,17 @@ class CaseReport:
 
     Attributes
     ----------
-    name, title, source
+    name, title, source : str
         Folder, title and publication of the case.
-    rows
+    rows : tuple of Row
         Outcomes.
-    figures
+    figures : tuple of Plot or Map
         Plots and maps.
-    seconds
+    seconds : float
         Total time.
-    error
+    error : str
         Traceback or message if the case failed.
-    finished
+    finished : bool
         Whether it has yielded all items.
     """
 
@@ -375,13 +375,13 @@ class Validation:
 
     Attributes
     ----------
-    quick
+    quick : bool
         Whether coarser grids are used.
-    versions
+    versions : dict of str to str
         Versions of the software.
-    cases
+    cases : tuple of CaseReport
         Reports of the cases.
-    planned
+    planned : int
         Number of cases to run.
     """
 

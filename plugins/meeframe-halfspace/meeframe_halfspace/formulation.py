@@ -48,24 +48,24 @@ class HalfSpace(Formulation):
 
     Attributes
     ----------
-    density
+    density : {'bilinear', 'constant', 'trigonometric'}
         Density of loads around each node: 'bilinear', decreasing to zero at its neighbours, like four-node elements;
         'constant' on the cell around it; or 'trigonometric', interpolation by waves, for periodic surfaces only.
-    periodic
+    periodic : bool
         Whether the zone and half a spacing on each side of it are one period of an infinite surface. A half space has
         no finite response to a mean load, for which the response to a wave of this length is used.
-    matrix_up_to
+    matrix_up_to : int
         Largest number of nodes for which the compliance is stored as a matrix, for solvers that factorize it; with more
         nodes, solving without a matrix takes less time.
-    edges
+    edges : {'nodes', 'resolved'}
         Contact edges are at the 'nodes', or 'resolved' between them, which solves each increment twice and stores no
         matrix.
-    reference_radius
+    reference_radius : float or None
         Distance [m] from a point where heat flows out, at which its mean effect on the displacement and the potentials
         vanishes. A half space leaves that level undetermined: without this length, contact with heat flow needs
         prescribed forces and total fluxes, which do not depend on it. Not for layers on a rigid base, which determines
         all levels.
-    device
+    device : {'cpu', 'gpu'}
         Where Fourier transforms are computed: on the 'cpu', or by CuPy on a 'gpu', which gives the same results but for
         round-off.
     """

@@ -29,20 +29,20 @@ class SelfAffine(Indenter):
 
     Attributes
     ----------
-    period
+    period : float
         Period along x and y.
-    shortest
+    shortest : float
         Shortest wavelength.
-    hurst
+    hurst : float
         Hurst exponent.
-    rms_height, rms_slope
+    rms_height, rms_slope : float or None
         Root mean square height or slope.
-    roll_off
+    roll_off : float or None
         Roll-off wavelength; by default the period.
-    seed
+    seed : int
         Seed of the phases. Waves are numbered from the longest on, so that a shorter cut-off adds waves and leaves the
         long ones unchanged.
-    samples
+    samples : int or None
         Samples along the period, at the midpoints of equal intervals; a contact zone of samples - 1 divisions, one
         interval shorter than the period, has its nodes there.
     """

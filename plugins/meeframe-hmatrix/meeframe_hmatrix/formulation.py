@@ -76,14 +76,14 @@ class HierarchicalBEM(PersistentFormulation):
 
     Attributes
     ----------
-    tolerance
+    tolerance : float
         Approximate relative error of displacements due to all approximations: element integrals, blocks in assembly and
         elimination. The smallest value is that of the tabulated kernel.
-    fundamental_solution
+    fundamental_solution : FundamentalSolution
         Fundamental solution.
-    edge_angle
+    edge_angle : float
         Tractions are discontinuous where normals of neighbouring elements differ by more than this angle [rad].
-    leaf_size
+    leaf_size : int
         Largest number of mesh points in a leaf of the cluster tree. A smaller number costs more time for each block, a
         larger one more memory; the default is the fastest measured.
     """
