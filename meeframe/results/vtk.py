@@ -91,7 +91,13 @@ class FieldsWriter:
             self._last = self._count, step
 
     def finish(self) -> None:
-        """Write fields.vtu and fields.pvd. Raises ResultError without boundary fields, or if it cannot be written."""
+        """Write fields.vtu and fields.pvd.
+
+        Raises
+        ------
+        ResultError
+            If no increment has fields on the whole boundary, or if a file cannot be written.
+        """
         if self._last is None:
             raise ResultError(
                 "the result holds no fields on the whole boundary; with [output] fields in the case file, name "

@@ -401,6 +401,11 @@ def indent(
     electric_potential, magnetic_potential : float, optional
         Potentials of a conducting indenter [V], [A]; None if it insulates (EMII: None, None).
 
+    Returns
+    -------
+    Indentation
+        The indentation.
+
     Raises
     ------
     MeeframeError

@@ -193,6 +193,11 @@ def quarter_half_space(modulus: float, half_side: float, cells: int) -> DenseSys
         Side of the quarter 0 < x, y < half_side [m].
     cells : int
         Number of cells along a side.
+
+    Returns
+    -------
+    DenseSystem
+        The system of cells^2 nodes.
     """
     side = half_side / cells
     centres = (np.arange(cells) + 0.5) * side

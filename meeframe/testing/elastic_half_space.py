@@ -37,6 +37,11 @@ def elastic_half_space(young: float, poisson: float, side: float, cells: int, go
         Whether to neglect normal displacements due to tangential loads and vice versa (Goodman, J. Appl. Mech. 29
         (1962) 515).
 
+    Returns
+    -------
+    DenseSystem
+        The system of cells^2 nodes.
+
     Raises
     ------
     MeeframeError

@@ -32,6 +32,11 @@ def half_space_system(xi: Array, side: float, cells: int, offset: Array | None =
         Number of cells along a side.
     offset : Array, optional
         Offset (n, 5) as in ReducedSystem; zero by default.
+
+    Returns
+    -------
+    DenseSystem
+        The system of n = cells^2 nodes.
     """
     full = np.zeros((5, 5))
     full[-len(xi) :, -len(xi) :] = xi
@@ -55,19 +60,24 @@ def indentation_problem(
     Parameters
     ----------
     system : ReducedSystem
-        The reduced system.
+        The reduced system, of n nodes.
     height : Array
-        Height (n,) of the indenter above its lowest point [m].
+        Height of the indenter above its lowest point, (n,) [m].
     approach : float
         Approach [m].
     contact_law : ContactLaw, optional
         Contact law; by default Signorini.
     conductivity : tuple of float, optional
-        Conductivity of the electric and magnetic step law.
+        Conductivities of the electric and the magnetic step law [F/m^2], [H/m^2].
     potentials : tuple of float, optional
-        Potentials of the indenter [V], [A].
+        Electric and magnetic potential of the indenter [V], [A].
     translation : tuple of float, optional
-        Tangential displacement of the indenter [m].
+        Tangential displacement of the indenter along e1 and e2 [m].
+
+    Returns
+    -------
+    ContactProblem
+        The problem.
     """
     n = len(height)
     return ContactProblem(

@@ -116,16 +116,21 @@ class InteriorRepresentation:
         return cls(*data, body.thermal_moduli, body.fields.index(THERMAL_FIELD.name))
 
     def evaluate(self, boundary: NodalFields, points: Array, progress: Progress = silent) -> PointFields:
-        """Return the fields at points (m, 3) [m] inside the body from those on its boundary.
+        """Return the fields at points inside the body from those on its boundary.
 
         Parameters
         ----------
         boundary : NodalFields
             Fields on the boundary, with the cells of the mesh in its order.
         points : Array
-            Positions in global axes [m].
+            Positions in global axes, (m, 3) [m].
         progress : callable, optional
-            Function that receives the stage and the fraction of the points that is done.
+            Function that is called with the name of the stage and the fraction of the points that is done.
+
+        Returns
+        -------
+        PointFields
+            The fields, in SI units and global axes.
 
         Raises
         ------
