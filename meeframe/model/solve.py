@@ -296,7 +296,8 @@ def solve_steps(
     Raises
     ------
     CaseError
-        If the case continues a run whose state does not belong to this body.
+        If the case continues a run whose state does not belong to this body, or if a solver or a law does not accept
+        the case.
     """
     clock("contact", 0.0)
     kinematics = IndenterKinematics(case, system)
