@@ -36,4 +36,12 @@ def prefetch(_context, array, index):
 if config.DISABLE_JIT:
 
     def prefetch(array, index):
-        """Do nothing, since functions are not compiled."""
+        """Prefetch a cache line in compiled code; do nothing here, since functions are not compiled.
+
+        Parameters
+        ----------
+        array : ndarray
+            C-contiguous array of any shape.
+        index : int
+            Index of the flattened array.
+        """
