@@ -49,7 +49,13 @@ class ResultError(MeeframeError):
 
 @contextmanager
 def named_in(file: str) -> Iterator[None]:
-    """Name the case file, if there is one, in errors of the case that are found only when it is solved."""
+    """Name the case file in errors of the case that are found only when it is solved.
+
+    Parameters
+    ----------
+    file : str
+        Name of the file; "" if the case has none.
+    """
     try:
         yield
     except (CaseError, MaterialError, MeshError) as error:
@@ -65,7 +71,20 @@ def _shortened(line: str) -> str:
 
 
 def listed(problems: Iterable[object], separator: str = "\n") -> str:
-    """Return the first problems as one text, and the number of further ones."""
+    """Return the first problems as one text, and the number of further ones.
+
+    Parameters
+    ----------
+    problems : iterable of object
+        Problems, whose texts are shown.
+    separator : str, optional
+        Text between two of them.
+
+    Returns
+    -------
+    str
+        The text.
+    """
     lines = iter(problems)
     first = list(map(str, islice(lines, MAX_PROBLEMS)))
     more = sum(1 for _ in lines)

@@ -56,6 +56,11 @@ class SurfaceElement(ABC):
 def shape_coefficients(element: SurfaceElement) -> Array:
     """Return the coefficients of the shape functions in the monomials.
 
+    Parameters
+    ----------
+    element : SurfaceElement
+        Element type.
+
     Returns
     -------
     Array

@@ -18,7 +18,18 @@ MAX_GAUSS_POINTS = 24
 
 @lru_cache(maxsize=64)
 def shape_table(element: SurfaceElement) -> ShapeTable:
-    """Return the element type as read-only arrays for the kernels."""
+    """Return the element type as read-only arrays for the kernels.
+
+    Parameters
+    ----------
+    element : SurfaceElement
+        Element type.
+
+    Returns
+    -------
+    ShapeTable
+        Exponents, coefficients and reference coordinates of the nodes.
+    """
     arrays = (element.exponents.astype(np.int64), shape_coefficients(element).copy(), element.nodes.copy())
     for array in arrays:
         array.setflags(write=False)
@@ -132,6 +143,11 @@ def tensor_rule(element: SurfaceElement, nodes: Array, order: int, order_eta: in
         Points per direction, 1 to MAX_GAUSS_POINTS.
     order_eta : int, optional
         Points along eta; by default as many as along xi.
+
+    Returns
+    -------
+    ElementRule
+        The rule on the element.
     """
     count = order * (order_eta or order)
     points, weights = np.empty((count, 2)), np.empty(count)
@@ -150,6 +166,11 @@ def map_to_element(element: SurfaceElement, nodes: Array, points: Array, weights
         Positions of the nodes, (n, 3).
     points, weights : Array
         The rule, (m, 2) and (m,).
+
+    Returns
+    -------
+    ElementRule
+        The rule on the element.
     """
     m, n = len(weights), len(element.nodes)
     positions, normals = np.empty((m, 3)), np.empty((m, 3))

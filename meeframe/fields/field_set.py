@@ -22,8 +22,9 @@ N_MECHANICAL: Final = 3
 MECHANICAL: Final = slice(0, N_MECHANICAL)
 """Columns of the displacement and the traction in arrays (n, fields)."""
 TANGENTIAL: Final = (0, 1)
+"""Columns of their tangential components, in local frames."""
 NORMAL: Final = 2
-"""Columns of their tangential components, and of the normal one, in local frames."""
+"""Column of their normal component, in local frames."""
 POTENTIALS: Final = slice(N_MECHANICAL, None)
 """Columns of the potentials and the fluxes in arrays (n, fields), however many there are."""
 

@@ -186,9 +186,20 @@ def check_body(formulation: Formulation, body: Body) -> None:
 
 
 def stored_arrays(formulation: Formulation, system: ReducedSystem) -> Mapping[str, AnyArray] | None:
-    """Return the arrays from which a formulation makes a system again; None if it cannot.
+    """Return the arrays from which a formulation makes a system again.
 
-    A formulation that wraps another one may return its systems without being able to make them again.
+    Parameters
+    ----------
+    formulation : Formulation
+        The formulation.
+    system : ReducedSystem
+        A system that it has returned.
+
+    Returns
+    -------
+    dict of str to array or None
+        Arrays of `Persistence.to_arrays`. None if the formulation cannot make the system again, as one that wraps
+        another formulation may not be able to.
     """
     persistence = system.capability(Persistence)
     if persistence is None or not isinstance(formulation, PersistentFormulation):

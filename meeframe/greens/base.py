@@ -99,7 +99,18 @@ class FundamentalSolution(ABC):
     """
 
     def check(self, stiffness: Array) -> None:
-        """Raise MaterialError if `bind` does for this stiffness; override it where that takes less than `bind`."""
+        """Check that `bind` accepts a material; override it where that takes less than `bind`.
+
+        Parameters
+        ----------
+        stiffness : Array
+            Scaled extended stiffness C'_iJKm, (3, f, f, 3).
+
+        Raises
+        ------
+        MaterialError
+            If `bind` raises it.
+        """
         self.bind(stiffness)
 
     @abstractmethod

@@ -103,7 +103,17 @@ class Tabulated(FundamentalSolution):
             raise CaseError(f"Tabulated: cells = {self.cells!r}; allowed: 1 to {MAX_CELLS}")
 
     def check(self, stiffness: Array) -> None:
-        """Raise MaterialError if `bind` does.
+        """Check that `bind` accepts a material.
+
+        Parameters
+        ----------
+        stiffness : Array
+            Scaled extended stiffness C'_iJKm, (3, 5, 5, 3).
+
+        Raises
+        ------
+        MaterialError
+            If `bind` raises it.
 
         Notes
         -----

@@ -182,8 +182,20 @@ class MotionModes(Sequence[Array]):
         return mode
 
     def work(self, forces: Mapping[int, Array]) -> Array:
-        """Return the sums (motions,) of mode times force, for forces (n,) by column, where frames are equal.
+        """Return the work of forces on each mode, where the frames of all points are equal.
 
+        Parameters
+        ----------
+        forces : dict of int to Array
+            Forces at the points by their column, (n,) each.
+
+        Returns
+        -------
+        Array
+            Sums of mode times force, (motions,).
+
+        Notes
+        -----
         The modes are linear functions of the position, so that the sum and the first moments of each column suffice.
         """
         probes = self.reference + np.concatenate([np.zeros((1, 3)), np.eye(3)])
@@ -210,23 +222,66 @@ class MotionModes(Sequence[Array]):
 
 
 def motion_modes(points: Array, frames: Array, axes: Array, reference: Array, fields: FieldSet = MEE) -> Array:
-    """Return all modes of `MotionModes` as an array, (motions, n, fields)."""
+    """Return all modes of `MotionModes` as an array.
+
+    Parameters
+    ----------
+    points : Array
+        Points of the surface, (n, 3) [m].
+    frames : Array
+        Local frames, (n, 3, 3), as in ReducedSystem.
+    axes : Array
+        Rows e1, e2 and axis of the indenter, (3, 3).
+    reference : Array
+        Point of the indenter about which it tilts and twists, (3,) [m].
+    fields : FieldSet
+        Field set of the body.
+
+    Returns
+    -------
+    Array
+        Modes, (motions, n, fields).
+    """
     return np.stack(list(MotionModes(points, frames, axes, reference, fields)))
 
 
 def motion_density(mode: Array, number: int) -> Array:
-    """Return the resultant that works on a motion per area and unit load, (n, fields), from its mode and number."""
+    """Return the resultant that works on a motion, per area and unit load.
+
+    Parameters
+    ----------
+    mode : Array
+        Mode of the motion, (n, fields).
+    number : int
+        Number of the motion.
+
+    Returns
+    -------
+    Array
+        Densities, (n, fields): the mode of a rigid motion, and minus that of a potential, whose mode is negated.
+    """
     if number < N_RIGID:
         return mode
     return -mode if mode.strides[0] else np.broadcast_to(-mode[0], mode.shape)
 
 
 def total_resultants(modes: Sequence[Array] | Array, weights: Array, load: Array) -> Array:
-    """Return the resultants (motions,) of a load (n, fields) that work on the motions.
+    """Return the resultants of a load that work on the motions.
 
-    modes: as returned by motion_modes; weights: (n,) [m^2] as in ReducedSystem. Forces [N] and moments [N m] are those
-    of the indenter on the body, the normal force positive in compression; total fluxes, such as the charge [C], are
-    what leaves the body.
+    Parameters
+    ----------
+    modes : MotionModes or Array
+        Modes, (motions, n, fields), as of `motion_modes`.
+    weights : Array
+        Integration weights, (n,) [m^2], as in ReducedSystem.
+    load : Array
+        Load, (n, fields), in local frames.
+
+    Returns
+    -------
+    Array
+        Resultants, (motions,). Forces [N] and moments [N m] are those of the indenter on the body, the normal force
+        positive in compression; total fluxes, such as the charge [C], are what leaves the body.
     """
     weighted = {number: weights * column for number, column in enumerate(load.T) if column.any()}
     if isinstance(modes, MotionModes) and shares_frame(modes.frames):

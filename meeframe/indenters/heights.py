@@ -55,7 +55,17 @@ class Heights(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return the height above the lowest one, (n,) [m].
+        """Return the height above the lowest one.
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates from the axis of the indenter, (n,) each [m].
+
+        Returns
+        -------
+        Array
+            Heights, (n,) >= 0 [m], inf where there is no indenter.
 
         Raises
         ------
@@ -246,7 +256,18 @@ class HeightGrid:
             )
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return the height above the lowest point of the grid, (n,) [m], inf outside the grid."""
+        """Return the height above the lowest point of the grid.
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates, (n,) each [m].
+
+        Returns
+        -------
+        Array
+            Heights, (n,) >= 0 [m], inf outside the grid.
+        """
         positions = np.asarray(x, float), np.asarray(y, float)
         heights = np.full(positions[0].shape, np.inf)
         covered = np.ones(heights.shape, bool)

@@ -42,7 +42,18 @@ class Sphere(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return the height above the lowest point, (n,) [m]."""
+        """Return the height above the lowest point.
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates from the axis of the indenter, (n,) each [m].
+
+        Returns
+        -------
+        Array
+            Heights, (n,) >= 0 [m], inf beyond the equator with the exact profile.
+        """
         return _circle_height(np.hypot(x, y), self.radius, self.profile)
 
 
@@ -70,7 +81,18 @@ class Paraboloid(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return the height above the lowest point, (n,) [m]."""
+        """Return the height above the lowest point, x^2 / (2 radius_x) + y^2 / (2 radius_y).
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates from the axis of the indenter, (n,) each [m].
+
+        Returns
+        -------
+        Array
+            Heights, (n,) >= 0 [m].
+        """
         return x**2 / (2 * self.radius_x) + y**2 / (2 * self.radius_y)
 
 
@@ -97,7 +119,18 @@ class FlatPunch(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return 0 on the end face, inf outside, (n,) [m]."""
+        """Return the height above the end face.
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates from the axis of the indenter, (n,) each [m].
+
+        Returns
+        -------
+        Array
+            Heights, (n,) [m]: 0 on the end face, inf outside.
+        """
         return np.where(np.hypot(x, y) <= self.radius * BORDER_FACTOR, 0.0, np.inf)
 
 
@@ -125,7 +158,18 @@ class RectangularPunch(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return 0 on the end face, inf outside, (n,) [m]."""
+        """Return the height above the end face.
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates from the axis of the indenter, (n,) each [m].
+
+        Returns
+        -------
+        Array
+            Heights, (n,) [m]: 0 on the end face, inf outside.
+        """
         is_inside = (np.abs(x) <= self.half_width_x * BORDER_FACTOR) & (np.abs(y) <= self.half_width_y * BORDER_FACTOR)
         return np.where(is_inside, 0.0, np.inf)
 
@@ -153,7 +197,18 @@ class Cone(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return r tan(angle), (n,) [m]."""
+        """Return the height above the tip, r tan(angle).
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates from the axis of the indenter, (n,) each [m].
+
+        Returns
+        -------
+        Array
+            Heights, (n,) >= 0 [m].
+        """
         rise: Array = np.hypot(x, y) * math.tan(self.angle)
         return rise
 
@@ -190,7 +245,18 @@ class Cylinder(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return the height above the lowest line, (n,) [m]."""
+        """Return the height above the lowest line.
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates from the axis of the indenter, (n,) each [m].
+
+        Returns
+        -------
+        Array
+            Heights, (n,) >= 0 [m], inf beyond the ends, and beyond the radius with the exact profile.
+        """
         cos, sin = math.cos(self.direction), math.sin(self.direction)
         rise = _circle_height(np.abs(cos * y - sin * x), self.radius, self.profile)
         return np.where(np.abs(cos * x + sin * y) <= self.half_length * BORDER_FACTOR, rise, np.inf)

@@ -20,7 +20,20 @@ class Insulating(ConductivityLaw):
     """Insulating contact: kappa = 0, without flux."""
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """Return zero, (n,)."""
+        """Return zero.
+
+        Parameters
+        ----------
+        normal_traction : Array
+            Normal traction of the contact, (n,) [Pa].
+        gap, drop : Array
+            Gap [m] and drop of the potential, (n,) each, on which the conductivity does not depend.
+
+        Returns
+        -------
+        Array
+            Zeros, (n,).
+        """
         return np.zeros_like(normal_traction)
 
 
@@ -48,5 +61,18 @@ class StepConductivity(ConductivityLaw):
         check_quantities(self)
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
-        """Return kappa where normal_traction < 0, else 0, (n,)."""
+        """Return kappa where there is pressure, else zero.
+
+        Parameters
+        ----------
+        normal_traction : Array
+            Normal traction of the contact, (n,) [Pa], < 0 in compression.
+        gap, drop : Array
+            Gap [m] and drop of the potential, (n,) each, on which the conductivity does not depend.
+
+        Returns
+        -------
+        Array
+            Conductivities, (n,), in the unit of kappa.
+        """
         return np.where(normal_traction < 0.0, self.kappa, 0.0)

@@ -87,7 +87,20 @@ class Archard(WearLaw):
         check_quantities(self)
 
     def rate(self, pressure: Array, speed: Array, worn: Array) -> Array:
-        """Return k p, (n,)."""
+        """Return k p.
+
+        Parameters
+        ----------
+        pressure : Array
+            Contact pressure, (n,) >= 0 [Pa].
+        speed, worn : Array
+            Speed of the slip [m/s] and worn depth [m], (n,) each, on which the rate does not depend.
+
+        Returns
+        -------
+        Array
+            Rates, (n,) >= 0 [m/m].
+        """
         return self.coefficient * pressure
 
 

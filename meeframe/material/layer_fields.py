@@ -35,11 +35,11 @@ def wave_amplitudes(symbol: SurfaceSymbol, k: Array, traction: Complex) -> list[
 
     Parameters
     ----------
-    symbol
+    symbol : SurfaceSymbol
         Symbol for the directions of the waves, (w,).
-    k
+    k : Array
         Wave numbers > 0, (w,) [1/m].
-    traction
+    traction : ndarray of complex
         Surface tractions and fluxes of the waves, (w, fields), scaled by `symbol.factors`.
 
     Returns
@@ -71,13 +71,13 @@ def wave_fields(
 
     Parameters
     ----------
-    medium
+    medium : Medium
         The medium, for the directions of the waves, (w,).
-    k
+    k : Array
         Wave numbers > 0, (w,) [1/m].
-    amplitudes
+    amplitudes : Amplitudes
         Amplitudes in the medium.
-    depth, height
+    depth, height : float
         Distances of the plane from its upper and its lower side [m], the latter inf in a half space.
 
     Returns
@@ -106,13 +106,13 @@ def uniform_in_layers(
 
     Parameters
     ----------
-    symbol
+    symbol : SurfaceSymbol
         Symbol of the layers.
-    compliances
+    compliances : dict of int to Array
         See `SurfaceSymbol.uniform_compliances`.
-    traction
+    traction : Array
         Traction and fluxes on the surface, (fields,), scaled.
-    depth
+    depth : float
         Depth [m]; on an interface the fields are those above it.
 
     Returns

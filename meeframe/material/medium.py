@@ -25,18 +25,18 @@ class Medium:
 
     Attributes
     ----------
-    factors
+    factors : Array
         Factors (fields,) of its scaled fields.
-    plus, minus
+    plus, minus : ndarray of complex
         Compliances Y of the solutions that decay downwards and upwards, (directions, fields, fields).
-    descent
+    descent : ndarray of complex
         Derivative of t / k with respect to k z in the first of them, (directions, fields, fields); that in the second
         is the negative of its `conjugate`.
-    state
+    state : ndarray of complex
         Matrix of the derivatives of (u, t / k) with respect to k z, (directions, 2 fields, 2 fields).
-    normal_compliance
+    normal_compliance : Array
         Inverse of T = C_3JK3, (fields, fields): the response of a thin layer.
-    signs
+    signs : Array
         Signs P (fields,) of the fields in conjugate solutions: -1 for a temperature that acts on other fields.
     """
 

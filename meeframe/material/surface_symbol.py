@@ -46,17 +46,17 @@ class SurfaceSymbol:
 
     Attributes
     ----------
-    media
+    media : tuple of Medium
         The materials from the top; the last one is the half space, or the layer on a rigid base.
-    thicknesses
+    thicknesses : tuple of float
         Thicknesses of the media from the top [m], without that of a half space.
-    interfaces
+    interfaces : tuple of Interface
         The interfaces between them.
-    insulating
+    insulating : Array or None
         (fields,) 1 for the fields that a rigid base insulates, 0 for others; None for a half space.
-    fields
+    fields : FieldSet
         Names of the fields.
-    source
+    source : int or None
         Column of the temperature if it acts on other fields, else None.
     """
 
@@ -82,19 +82,19 @@ class SurfaceSymbol:
 
         Parameters
         ----------
-        stiffness
+        stiffness : Array
             Extended stiffness of the material below the layers, (3, fields, fields, 3) [SI].
-        layers
+        layers : LayerStack
             The layers, and the base.
-        frame
+        frame : Array
             Rows e1, e2 and the outward normal, (3, 3).
-        angles
+        angles : Array
             Directions m = cos(angle) e1 + sin(angle) e2, (directions,).
-        fields
+        fields : FieldSet, optional
             Names of the fields.
-        half_spaces
+        half_spaces : sequence of ndarray of complex, optional
             Scaled compliances of half spaces of all materials, (directions, fields, fields) each, if they are known.
-        moduli
+        moduli : sequence of Array or None, optional
             Thermal moduli (3, N_FIELDS) [SI] of the layers and the material below them, whose action on the other
             fields the compliance then includes. Without them heat acts on the temperature alone.
 
@@ -309,9 +309,9 @@ class SurfaceSymbol:
 
         Parameters
         ----------
-        k
+        k : float
             Wave number [1/m].
-        mean
+        mean : callable
             Function that returns the mean over all directions, (fields, fields), of compliances in the directions of
             this symbol, (directions, fields, fields).
 

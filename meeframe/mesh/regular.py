@@ -46,7 +46,18 @@ class GridCells(Sequence[tuple[str, Indices]]):
         return (self.shape[0] - 1) * (self.shape[1] - 1)
 
     def nodes(self, cells: Indices) -> Indices:
-        """Return the nodes (e, 4) of cells (e,), counter-clockwise from above."""
+        """Return the nodes of cells.
+
+        Parameters
+        ----------
+        cells : Indices
+            Numbers of the cells, (e,), row by row.
+
+        Returns
+        -------
+        Indices
+            Numbers of their nodes, (e, 4), counter-clockwise from above.
+        """
         row, column = np.divmod(cells, self.shape[1] - 1)
         first = row * self.shape[1] + column
         return np.stack([first, first + self.shape[1], first + self.shape[1] + 1, first + 1], axis=-1)
@@ -73,11 +84,35 @@ class GridPoints(NDArrayOperatorsMixin):
 
     @classmethod
     def make(cls, x: Array, y: Array, *others: Array) -> Array:
-        """Return the points as what they are to their users, an array."""
+        """Return the points as what they are to their users, an array.
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates (nx,) and (ny,) of the rows and columns [m].
+        *others : Array
+            Further points, (m, 3) [m]; one array at most.
+
+        Returns
+        -------
+        Array
+            Points, (nx * ny + m, 3) [m].
+        """
         return cast(Array, cls(x, y, *others))
 
     def on(self, rows: slice, columns: slice) -> Array:
-        """Return the points on some rows and columns of the grid, numbered row by row."""
+        """Return the points on some rows and columns of the grid.
+
+        Parameters
+        ----------
+        rows, columns : slice
+            Indices of the coordinates x and y.
+
+        Returns
+        -------
+        Array
+            Points, (n, 3) [m], numbered row by row.
+        """
         return GridPoints.make(self.x[rows], self.y[columns])
 
     @property

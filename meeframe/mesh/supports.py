@@ -18,6 +18,11 @@ def check_supports(body: Body) -> None:
     Loads on the contact zone fix nothing. A grounded electrode of a layer fixes the electric potential. A semi-infinite
     body needs no supports, since its fields vanish at infinity.
 
+    Parameters
+    ----------
+    body : Body
+        The body.
+
     Raises
     ------
     CaseError

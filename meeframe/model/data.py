@@ -37,15 +37,19 @@ class Output:
 
     Parameters
     ----------
-    figures, vtu
+    figures, vtu : bool
         Whether PNG figures and fields.vtu are written in addition to result.h5 and summary.json.
-    fields
-        Names of optional fields in result.h5 (docs/reference/results.md); None: those that the case loads. Raises
-        CaseError for other names.
-    step
+    fields : tuple of str or None
+        Names of optional fields in result.h5 (docs/reference/results.md); None: those that the case loads.
+    step : str
         Increment that the figures show: "peak" for that of the peak load, "last", the number of a load step, such as
         "2", for its last increment, or "2.5" for increment 5 of load step 2. Figures of a run that ends before this
-        increment show the peak load. Raises CaseError for other texts.
+        increment show the peak load.
+
+    Raises
+    ------
+    CaseError
+        For other names of fields and other texts of the step.
     """
 
     figures: bool = True

@@ -75,7 +75,28 @@ def case_from_tables(
 ) -> Case:
     """Return the checked case of the tables of a case file.
 
-    folder: where relative paths in it start; file: its name. Raises TableError (a CaseError) with all problems found.
+    Parameters
+    ----------
+    tables : dict of str to object
+        Tables of the file.
+    registry : Registry, optional
+        Registry of plugins; by default everything that is installed.
+    folder : Path, optional
+        Folder at which relative paths in the tables start.
+    text : str, optional
+        Text of the file, which the result stores.
+    file : str, optional
+        Name of the file.
+
+    Returns
+    -------
+    Case
+        The case.
+
+    Raises
+    ------
+    TableError
+        If the tables are not valid: a CaseError with all problems found.
     """
     try:
         check_values(tables)

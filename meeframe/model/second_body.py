@@ -26,9 +26,27 @@ _BODIES: Final = ("first body", "second body")
 
 @dataclass(frozen=True, eq=False)
 class SecondBody:
-    """Second body of a case, in its own coordinates, in which its contact zone faces up.
+    """Second body of a case, in its own coordinates, in which its contact zone faces up; see meeframe.system.two_body.
 
-    See meeframe.system.two_body. The fields are those of a case, and so are the errors: MeshError or CaseError.
+    Attributes
+    ----------
+    material : Material
+        Material.
+    mesh : SurfaceMesh
+        Surface mesh [m].
+    conditions : tuple of BoundaryCondition
+        Boundary conditions.
+    zone : str
+        Name of the face group that may come into contact.
+    formulation : Formulation
+        Formulation.
+    layers : LayerStack
+        Layers on the contact zone, and a rigid base.
+
+    Raises
+    ------
+    MeshError, CaseError
+        As for a case: if the mesh does not fit the formulation, or a condition or layer is not valid.
     """
 
     material: Material
@@ -51,7 +69,20 @@ class SecondBody:
 
 
 def check_fields(second_body: SecondBody | None, fields: FieldSet) -> None:
-    """Raise CaseError unless the material of the second body, if there is one, has the fields of the first."""
+    """Check that the material of the second body has the fields of the first.
+
+    Parameters
+    ----------
+    second_body : SecondBody or None
+        Second body, if there is one.
+    fields : FieldSet
+        Field set of the first body.
+
+    Raises
+    ------
+    CaseError
+        If it has other fields.
+    """
     if second_body is not None and second_body.material.fields != fields:
         theirs, ours = ", ".join(second_body.material.fields.names), ", ".join(fields.names)
         raise CaseError(f"the second body has the scalar fields {theirs}, the first {ours}; allowed: the same fields")
@@ -68,10 +99,24 @@ def _zones_without_match(
 
 
 def check_match(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) -> None:
-    """Raise MeshError unless the contact zone of the second body, if there is one, fits that of the first.
+    """Check that the contact zone of the second body fits that of the first.
 
     The nodes of both coincide, or `meeframe.system.transfer` can transfer between them: not on a periodic surface, and
     not with edges between nodes, which are those of one of the divisions.
+
+    Parameters
+    ----------
+    second_body : SecondBody or None
+        Second body, if there is one.
+    mesh : SurfaceMesh
+        Mesh of the first body.
+    zone : str
+        Name of the contact zone of the first body.
+
+    Raises
+    ------
+    MeshError
+        If the zones do not fit.
     """
     zones = _zones_without_match(second_body, mesh, zone)
     if second_body is None or zones is None:
@@ -91,7 +136,22 @@ def check_match(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) ->
 
 
 def coarse_zone(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) -> Iterator[str]:
-    """Yield a warning if the nodes of the second body's zone, other than those of the first, are farther apart."""
+    """Yield a warning if the nodes of the second body's zone, other than those of the first, are farther apart.
+
+    Parameters
+    ----------
+    second_body : SecondBody or None
+        Second body, if there is one.
+    mesh : SurfaceMesh
+        Mesh of the first body.
+    zone : str
+        Name of the contact zone of the first body.
+
+    Yields
+    ------
+    str
+        The warning.
+    """
     zones = _zones_without_match(second_body, mesh, zone)
     if zones is None:
         return
@@ -105,9 +165,21 @@ def coarse_zone(second_body: SecondBody | None, mesh: SurfaceMesh, zone: str) ->
 
 
 def check_alike(second_body: SecondBody | None, formulation: Formulation) -> None:
-    """Raise CaseError if only one of two bodies has a periodic surface, or only one resolves contact edges.
+    """Check that both bodies have a periodic surface or neither, and that both resolve contact edges or neither.
 
     The formulations provide this information.
+
+    Parameters
+    ----------
+    second_body : SecondBody or None
+        Second body, if there is one.
+    formulation : Formulation
+        Formulation of the first body.
+
+    Raises
+    ------
+    CaseError
+        If the bodies differ.
     """
     if second_body is None:
         return

@@ -112,8 +112,24 @@ def solve_case(case: Case, progress: Progress = silent) -> Result:
 def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
     """Return the reduced system of a case: of its body, or of its two bodies in contact.
 
-    With two bodies, the second one retains only what contact needs, see reduce_for_contact. Raises MeshError, CaseError
-    or MaterialError if a formulation does not accept its body, TooLargeError if its matrices do not fit into memory.
+    Parameters
+    ----------
+    case : Case
+        The case.
+    progress : callable, optional
+        Function that is called with the name of a stage and the fraction of it that is done.
+
+    Returns
+    -------
+    ReducedSystem
+        The system. With two bodies, the second one retains only what contact needs, see `reduce_for_contact`.
+
+    Raises
+    ------
+    MeshError, CaseError, MaterialError
+        If a formulation does not accept its body.
+    TooLargeError
+        If its matrices do not fit into memory.
     """
     *second_body, first = bodies_of(case)
     return joined(case, [*(reduce_for_contact(*body, progress) for body in second_body), reduce_body(*first, progress)])
@@ -122,7 +138,22 @@ def reduce(case: Case, progress: Progress = silent) -> ReducedSystem:
 def joined(case: Case, systems: Iterable[ReducedSystem]) -> ReducedSystem:
     """Return the reduced system of a case, in frames along its friction axes.
 
-    systems: those of bodies_of, in this order.
+    Parameters
+    ----------
+    case : Case
+        The case.
+    systems : iterable of ReducedSystem
+        Systems of the bodies, in the order of `bodies_of`.
+
+    Returns
+    -------
+    ReducedSystem
+        The system of the body, or of both bodies in contact.
+
+    Raises
+    ------
+    MeshError
+        If the contact zones of two bodies do not fit.
     """
     *second_body, first = systems
     with faults_of_plugins():
@@ -132,16 +163,45 @@ def joined(case: Case, systems: Iterable[ReducedSystem]) -> ReducedSystem:
 
 
 def bodies_of(case: Case) -> tuple[tuple[Formulation, Body], ...]:
-    """Return the second body of a case, if it has one, and its body, each with its formulation.
+    """Return the bodies of a case, each with its formulation, in the order in which they are reduced.
 
-    They are reduced in this order: the system of the body may hold large matrices, from which its fields are recovered.
+    Parameters
+    ----------
+    case : Case
+        The case.
+
+    Returns
+    -------
+    tuple of tuple
+        Formulation and body, first those of the second body, if there is one. The body comes last as its system may
+        hold large matrices, from which its fields are recovered.
     """
     first = (case.formulation, case.body)
     return (first,) if case.second_body is None else ((case.second_body.formulation, case.second_body.body), first)
 
 
 def reduce_body(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
-    """Return the reduced system of one body. Raises the errors of `reduce`."""
+    """Return the reduced system of one body.
+
+    Parameters
+    ----------
+    formulation : Formulation
+        The formulation.
+    body : Body
+        The body.
+    progress : callable, optional
+        Function that is called with the name of a stage and the fraction of it that is done.
+
+    Returns
+    -------
+    ReducedSystem
+        The system.
+
+    Raises
+    ------
+    MeshError, CaseError, MaterialError, TooLargeError
+        As `reduce`.
+    """
     try:
         with faults_of_plugins():
             return checked(formulation, formulation.reduce(body, progress), body.fields.size)
@@ -155,7 +215,25 @@ def reduce_body(formulation: Formulation, body: Body, progress: Progress = silen
 def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress = silent) -> ReducedSystem:
     """Return the reduced system of one body for contact alone, without data for recovery where possible.
 
-    `recover` reduces the body again when it is first called; a `DenseSystem` has no `InteriorFields` any more.
+    Parameters
+    ----------
+    formulation : Formulation
+        The formulation.
+    body : Body
+        The body.
+    progress : callable, optional
+        Function that is called with the name of a stage and the fraction of it that is done.
+
+    Returns
+    -------
+    ReducedSystem
+        The system. Its `recover` reduces the body again when it is first called; a `DenseSystem` has no
+        `InteriorFields` any more.
+
+    Raises
+    ------
+    MeshError, CaseError, MaterialError, TooLargeError
+        As `reduce`.
     """
     system = reduce_body(formulation, body, progress)
     if not isinstance(system, DenseSystem):
@@ -168,9 +246,21 @@ def reduce_for_contact(formulation: Formulation, body: Body, progress: Progress 
 
 
 def recovery_of(formulation: Formulation, body: Body, progress: Progress = silent) -> Callable[[Array], NodalFields]:
-    """Return a function that recovers the fields on the whole boundary for a load (n, f).
+    """Return a function that recovers the fields on the whole boundary, from a system that is made at its first call.
 
-    Its reduced system is made at the first call.
+    Parameters
+    ----------
+    formulation : Formulation
+        The formulation.
+    body : Body
+        The body.
+    progress : callable, optional
+        Function that is called with the name of a stage and the fraction of it that is done.
+
+    Returns
+    -------
+    callable
+        Function that returns the fields for a load (n, f) on the contact zone, as `ReducedSystem.recover`.
     """
     system = lru_cache(maxsize=1)(partial(reduce_body, formulation, body, progress))
     return lambda load: system().recover(load)
@@ -183,9 +273,31 @@ def solve_steps(
 
     Slip is measured from that state too (docs/explanation/theory.md, Departures): a single increment, from the
     undeformed body, is the paper's. The controls that a step names vary linearly from the state in which the step
-    begins. boundary: recover the fields on the whole boundary too, at the end of each step, and include the warnings of
-    the case in the first message; a study of the contact zone does not need the fields and reports the warnings itself.
-    Raises CaseError if the case continues a run whose state does not belong to this body.
+    begins.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    system : ReducedSystem
+        Its reduced system, as of `reduce`.
+    clock : callable, optional
+        Function that is called with the name of a stage and the fraction of it that is done.
+    boundary : bool, optional
+        Whether to recover the fields on the whole boundary too, at the end of each step, and to include the warnings of
+        the case in the first message; a study of the contact zone does not need the fields and reports the warnings
+        itself.
+
+    Yields
+    ------
+    StepResult
+        The next increment.
+
+    Raises
+    ------
+    CaseError
+        If the case continues a run whose state does not belong to this body, or if a solver or a law does not accept
+        the case.
     """
     clock("contact", 0.0)
     kinematics = IndenterKinematics(case, system)
@@ -259,7 +371,25 @@ def _solve_steady(subincrement: "_Subincrement", here: ConvergedState, rolling: 
 
 
 def rolling_increment(kinematics: IndenterKinematics, step: Step) -> RollingIncrement | None:
-    """Return the rolling by one cell in the increments of a load step, None if the contact stays in place."""
+    """Return the rolling by one cell in the increments of a load step.
+
+    Parameters
+    ----------
+    kinematics : IndenterKinematics
+        Kinematics of the indenter of the case.
+    step : Step
+        The load step.
+
+    Returns
+    -------
+    RollingIncrement or None
+        The rolling; None if the contact stays in place.
+
+    Raises
+    ------
+    CaseError
+        As `Rolling.increment`.
+    """
     if step.rolling is None:
         return None
     case, system = kinematics.case, kinematics.system
@@ -424,7 +554,18 @@ def _without_noise(problem: ContactProblem, state: ContactState) -> ContactState
 
 
 def provenance(case: Case) -> Provenance:
-    """Return the provenance of a result computed from this case in the present environment."""
+    """Return the provenance of a result computed in the present environment.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+
+    Returns
+    -------
+    Provenance
+        Text of the case, versions of the software and number of threads.
+    """
     providers = {provider.name: provider.version for provider in plugins.load().providers}
     return Provenance(case.title, case.text, _software() | providers | local_files(case), numba.get_num_threads())
 

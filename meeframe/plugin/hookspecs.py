@@ -28,15 +28,15 @@ class Record(Generic[T_co]):
 
     Attributes
     ----------
-    name
+    name : str
         Name in case files, in lower-case letters, digits and hyphens.
-    factory
+    factory : callable
         A frozen dataclass whose fields are the keys in case files or, for elements, the element class.
-    summary
+    summary : str
         Description in one line.
-    source
+    source : str
         Equation, paper or book.
-    check_arguments
+    check_arguments : callable or None
         A function that returns, for an object of the factory, further arguments by name of the conformance kit with
         which `meeframe plugins check` checks it, such as the body and the exact field of a formulation.
     """
@@ -49,9 +49,11 @@ class Record(Generic[T_co]):
 
 
 class HookSpecs:
-    """Hooks of meeframe.
+    """Hooks of meeframe, one for each kind of object.
 
-    An implementation returns a list of records; see docs/howto/plugins.md.
+    An implementation is a function of the same name, without arguments, decorated with `hookimpl`. It returns a list of
+    records (`Record`) whose factories make objects of the abstract class that the hook names; see
+    docs/howto/plugins.md.
     """
 
     @hookspec

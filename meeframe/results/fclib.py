@@ -59,11 +59,25 @@ _ROWS: Final = -2
 class LocalProblem:
     """Local problem u = W r + q under Coulomb's law at m contacts.
 
-    Components are (normal, tangential, tangential), contact by contact. matrix: (3m, 3m) W, positive semidefinite with
-    a positive diagonal; q: (3m,); mu: (m,) friction coefficients >= 0. In problems from meeframe, u is the gap [m] and
+    Components are (normal, tangential, tangential), contact by contact. In problems from meeframe, u is the gap [m] and
     r the force [N] (meeframe.results.fclib_contact); files from elsewhere have velocities and impulses.
-    Raises CaseError if shapes do not fit, a value is not finite, a coefficient is negative, the diagonal of W is not
-    positive, or there are more than 5000 contacts.
+
+    Attributes
+    ----------
+    matrix : Array
+        W, (3m, 3m), positive semidefinite with a positive diagonal.
+    q : Array
+        Values of u without reactions, (3m,).
+    mu : Array
+        Friction coefficients >= 0, (m,).
+    title, description, math_info : str
+        Texts of the file.
+
+    Raises
+    ------
+    CaseError
+        If shapes do not fit, a value is not finite, a coefficient is negative, the diagonal of W is not positive, or
+        there are more than 5000 contacts.
     """
 
     matrix: Array
@@ -101,14 +115,33 @@ class LocalProblem:
 
 @dataclass(frozen=True, eq=False)
 class LocalSolution:
-    """Solution of a LocalProblem; u, r: (3m,)."""
+    """Solution of a LocalProblem.
+
+    Attributes
+    ----------
+    u : Array
+        Gaps or velocities, (3m,).
+    r : Array
+        Forces or impulses, (3m,).
+    """
 
     u: Array
     r: Array
 
 
 def check_size(contacts: int) -> None:
-    """Raise CaseError if a problem has no contacts or more of them than are allowed."""
+    """Check the number of contacts of a problem.
+
+    Parameters
+    ----------
+    contacts : int
+        The number.
+
+    Raises
+    ------
+    CaseError
+        If there are no contacts, or more than MAX_CONTACTS.
+    """
     if not 1 <= contacts <= MAX_CONTACTS:
         raise CaseError(
             f"FCLIB problem with {contacts} contacts; allowed: 1 to {MAX_CONTACTS}, because its matrix is dense"
@@ -116,12 +149,23 @@ def check_size(contacts: int) -> None:
 
 
 def natural_residual(problem: LocalProblem, reaction: Array) -> float:
-    """Return the relative residual of reactions (3m,); zero for a solution.
+    """Return the relative residual of reactions, which depends on the reactions only.
 
-    The residual is |r - P(r - rho (u + mu |u_T| N))| / |r| with P the projection onto the friction cones, u = W r + q
-    and rho the inverse of the mean of W's diagonal; it is relative to |rho q| if r is zero. It depends on r only.
-    FCLIB's merit function is the same with rho = 1, which suits SI units badly: forces exceed gaps by many decades
-    there.
+    Parameters
+    ----------
+    problem : LocalProblem
+        The problem.
+    reaction : Array
+        Reactions r, (3m,).
+
+    Returns
+    -------
+    float
+        |r - P(r - rho (u + mu |u_T| N))| / |r| with P the projection onto the friction cones, u = W r + q and rho the
+        inverse of the mean of W's diagonal; relative to |rho q| if r is zero. It is zero for a solution.
+
+    Notes ----- FCLIB's merit function is the same with rho = 1, which suits SI units badly: forces exceed gaps by many
+    decades there.
     """
     rho = 1.0 / float(np.diag(problem.matrix).mean())
     r = reaction.reshape(-1, PER_CONTACT)
@@ -133,7 +177,20 @@ def natural_residual(problem: LocalProblem, reaction: Array) -> float:
 
 
 def project_on_cones(reaction: Array, mu: Array) -> Array:
-    """Return the Euclidean projection of (m, 3) onto the cones |r_T| <= mu r_N, mu (m,)."""
+    """Return the Euclidean projection onto the friction cones |r_T| <= mu r_N.
+
+    Parameters
+    ----------
+    reaction : Array
+        Reactions, (m, 3), the normal component first.
+    mu : Array
+        Friction coefficients, (m,).
+
+    Returns
+    -------
+    Array
+        Projections, (m, 3).
+    """
     tangential = np.linalg.norm(reaction[:, 1:], axis=1)
     along = np.where(
         tangential <= mu * reaction[:, 0], reaction[:, 0], (mu * tangential + reaction[:, 0]) / (1 + mu**2)
@@ -145,9 +202,21 @@ def project_on_cones(reaction: Array, mu: Array) -> Array:
 
 
 def write_local(path: Path, problem: LocalProblem, solution: LocalSolution | None = None) -> None:
-    """Write a problem, with its solution if there is one, as a new file.
+    """Write a problem, with its solution if there is one, as a new file, completely or not at all.
 
-    The file is written completely or not at all. Raises ResultError if it cannot be written.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    problem : LocalProblem
+        The problem.
+    solution : LocalSolution, optional
+        Its solution.
+
+    Raises
+    ------
+    ResultError
+        If it cannot be written.
     """
     with replacing(path) as temporary, changed_file(temporary, "w") as file:
         local = file.create_group(_LOCAL)
@@ -163,7 +232,20 @@ def write_local(path: Path, problem: LocalProblem, solution: LocalSolution | Non
 
 
 def write_solution(path: Path, solution: LocalSolution) -> None:
-    """Write a solution into the file of its problem, in place of an earlier one. Raises ResultError."""
+    """Write a solution into the file of its problem, in place of an earlier one.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    solution : LocalSolution
+        The solution.
+
+    Raises
+    ------
+    ResultError
+        If it cannot be written.
+    """
     with replacing(path) as temporary:
         shutil.copy(path, temporary)
         with changed_file(temporary, "r+") as file:
@@ -174,8 +256,22 @@ def write_solution(path: Path, solution: LocalSolution) -> None:
 def read_local(path: Path) -> LocalProblem:
     """Return the problem of a file.
 
-    Raises ResultError if it cannot be read, CaseError if it is no local problem in three dimensions without equality
-    constraints or if its numbers are not allowed.
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    LocalProblem
+        The problem.
+
+    Raises
+    ------
+    ResultError
+        If it cannot be read.
+    CaseError
+        If it is no local problem in three dimensions without equality constraints, or its numbers are not allowed.
     """
     with _opened(path) as file:
         try:
@@ -190,9 +286,22 @@ def read_local(path: Path) -> LocalProblem:
 
 
 def read_solution(path: Path) -> LocalSolution | None:
-    """Return the solution in a file, None if there is none.
+    """Return the solution in a file.
 
-    Raises ResultError if it cannot be read, is not finite or not one of the file's problem.
+    Parameters
+    ----------
+    path : Path
+        The file of the problem.
+
+    Returns
+    -------
+    LocalSolution or None
+        The solution; None if there is none.
+
+    Raises
+    ------
+    ResultError
+        If it cannot be read, is not finite or not one of the file's problem.
     """
     with _opened(path) as file:
         try:

@@ -52,11 +52,28 @@ _LEGEND_STRIP: Final = 0.25
 
 @styled
 def figures(result: Result, which: Which = None) -> "dict[str, Figure]":
-    """Return the figures of an increment, by default that of the peak load, by name.
+    """Return the figures of an increment.
 
-    There are none if no increment is finished, if not all in it is finite, or if the zone has neither cells nor nodes
-    that span an area. A potential that is zero throughout has none, and stick and slip has none without friction. With
-    several converged increments, their history is included.
+    A potential that is zero throughout has no figure, and stick and slip has none without friction. With several
+    converged increments, their history is included.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+    which : int, tuple of int, str or StepResult, optional
+        Increment, see `select`; that of the peak load by default.
+
+    Returns
+    -------
+    dict of str to matplotlib.figure.Figure
+        Figures by name; none if no increment is finished, if not all in it is finite, or if the zone has neither cells
+        nor nodes that span an area.
+
+    Raises
+    ------
+    ResultError
+        If there is no such increment.
     """
     if not result.steps:
         return {}
@@ -79,7 +96,15 @@ def figures(result: Result, which: Which = None) -> "dict[str, Figure]":
 
 
 def save_figure(figure: "Figure", path: Path) -> None:
-    """Write a figure in the format of the suffix; dollars are literal, characters that the font lacks are boxes."""
+    """Write a figure; dollars in its texts are literal, characters that the font lacks are boxes.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        The figure.
+    path : Path
+        The file, whose suffix is the format.
+    """
     from matplotlib.text import Text
 
     figure.set_dpi(150)
@@ -98,13 +123,41 @@ def save_figure(figure: "Figure", path: Path) -> None:
 
 
 def check_format(suffix: str) -> None:
-    """Raise ResultError for a format that figures are not written in."""
+    """Check that figures can be written in a format.
+
+    Parameters
+    ----------
+    suffix : str
+        The format, such as "png".
+
+    Raises
+    ------
+    ResultError
+        If it is not one of FORMATS.
+    """
     if suffix not in FORMATS:
         raise ResultError(f"format {suffix!r}: allowed: {', '.join(FORMATS)}")
 
 
 def write_figure(figure: "Figure | None", folder: Path, name: str, suffix: str) -> None:
-    """Write the figure of a folder if there is one, in place of an earlier one in any format. Raises ResultError."""
+    """Write the figure of a folder if there is one, in place of an earlier one in any format.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure or None
+        The figure.
+    folder : Path
+        The folder.
+    name : str
+        Name of the file without its suffix.
+    suffix : str
+        The format, such as "png".
+
+    Raises
+    ------
+    ResultError
+        If it cannot be written.
+    """
     remove_files(folder, in_all_formats(name))
     if figure is not None:
         with replacing(folder / f"{name}.{suffix}") as path:
@@ -112,9 +165,28 @@ def write_figure(figure: "Figure | None", folder: Path, name: str, suffix: str) 
 
 
 def write_figures(result: Result, folder: Path, which: Which = None, suffix: str = "png") -> list[Path]:
-    """Write the figures of an increment into a folder, created if it does not exist, and return their paths.
+    """Write the figures of an increment into a folder.
 
-    Raises ResultError for an unknown format, if there is no such increment, or if they cannot be written.
+    Parameters
+    ----------
+    result : Result
+        The result.
+    folder : Path
+        The folder, created if it does not exist.
+    which : int, tuple of int, str or StepResult, optional
+        Increment, see `select`; that of the peak load by default.
+    suffix : str, optional
+        The format.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    ResultError
+        If the format is unknown, there is no such increment, or the files cannot be written.
     """
     check_format(suffix)
     drawn = figures(result, select(result, which))
@@ -130,30 +202,89 @@ def write_figures(result: Result, folder: Path, which: Which = None, suffix: str
 
 
 def shown_fields(result: Result, step: StepResult) -> list[NodalField]:
-    """Return the pressure, and the other fields with maps that are not zero throughout."""
+    """Return the pressure, and the other fields with maps that are not zero throughout.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+    step : StepResult
+        One of its increments.
+
+    Returns
+    -------
+    list of NodalField
+        The fields.
+    """
     fields = schema.nodal(schema.View.MAP, step.fields).values()
     return [field for field in fields if field.name == PRESSURE or nodal_values(result, field, step).any()]
 
 
 def nodal_values(result: Result, field: NodalField, step: StepResult) -> Array:
-    """Return the values of a nodal field, with round-off as zero: it is small against other increments."""
+    """Return the values of a nodal field without round-off.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+    field : NodalField
+        The field.
+    step : StepResult
+        One of its increments.
+
+    Returns
+    -------
+    Array
+        Values, (n,) or (n, k), SI units; zero where they are negligible beside the largest of all increments.
+    """
     values = field.values(result.zone, step)
     return np.where(np.abs(values) > _ROUND_OFF * peaks(result).values[field.name], values, 0.0)
 
 
 def title_of(result: Result, step: StepResult) -> str:
-    """Return the title of the case, and the increment where there are several."""
+    """Return the title of a figure: that of the case, and the increment where there are several.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+    step : StepResult
+        One of its increments.
+
+    Returns
+    -------
+    str
+        The title.
+    """
     factor, unit = prefixed(np.array([step.loading.approach]), "m")
     words = f"{name_of(result, step)}, approach {step.loading.approach / factor:.4g} {unit}"
     return "\n".join(filter(None, [result.provenance.title, words if result.planned_steps > 1 else ""]))
 
 
 def contact_edge(zone: Zone, touching: NDArray[np.bool_], pressure: Array, gap: Array) -> Array:
-    """Return a level at the nodes, (n,), that is positive in contact, negative elsewhere, zero at the contact edge.
+    """Return a level that is positive in contact, negative elsewhere and zero at the contact edge.
 
+    Parameters
+    ----------
+    zone : Zone
+        Contact zone of n nodes.
+    touching : ndarray of bool
+        Nodes in contact, (n,).
+    pressure : Array
+        Pressure, (n,) [Pa].
+    gap : Array
+        Gap, (n,) [m], inf where it is not known.
+
+    Returns
+    -------
+    Array
+        Dimensionless level, (n,).
+
+    Notes
+    -----
     Along a smooth contact edge p^2 grows linearly inwards, and gap^(2/3) outwards. Each is divided by its mean at the
     nodes next to the contact edge: on average the line lies half way between two nodes, but close to a node that hardly
-    touches. Arguments are nodal values (n,); gaps that are not known are inf.
+    touches.
     """
     adjacent = np.zeros(len(touching), bool)
     for _, nodes in zone.cells:
@@ -177,8 +308,23 @@ def _contact_edge(zone: Zone, step: StepResult) -> Array:
 def draw_map(axes: Any, result: Result, name: str, which: Which = None, title: str = "") -> None:
     """Draw the map of a nodal field, with a bar of colours; the pressure in contact alone, other fields everywhere.
 
-    axes: of matplotlib; name: of a scalar field of meeframe.results.schema; which: as in select; title: its heading.
-    Raises ResultError for an unknown name.
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Axes to draw on.
+    result : Result
+        The result.
+    name : str
+        Name of a scalar field of meeframe.results.schema.
+    which : int, tuple of int, str or StepResult, optional
+        Increment, see `select`; that of the peak load by default.
+    title : str, optional
+        Heading of the map.
+
+    Raises
+    ------
+    ResultError
+        If there is no such field or increment.
     """
     step = select(result, which)
     field, zone = _field(name, step), result.zone
@@ -242,7 +388,24 @@ def _no_contact(axes: Any, picture: Picture) -> None:
 
 @styled
 def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str = "") -> None:
-    """Draw the map of stick and slip, with the areas in a legend; arguments as of draw_map."""
+    """Draw the map of stick and slip, with the areas in a legend.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Axes to draw on.
+    result : Result
+        The result.
+    which : int, tuple of int, str or StepResult, optional
+        Increment, see `select`; that of the peak load by default.
+    title : str, optional
+        Heading of the map.
+
+    Raises
+    ------
+    ResultError
+        If there is no such increment.
+    """
     step = select(result, which)
     totals, picture = resultants(result.zone, step), Picture.of(result.zone)
     _prepare(axes, picture, "stick and slip", title)
@@ -270,8 +433,23 @@ def draw_stick_slip(axes: Any, result: Result, which: Which = None, title: str =
 def draw_section(axes: Any, result: Result, name: str = PRESSURE, which: Which = None, colour: str = "") -> None:
     """Draw a nodal field along x through the middle of the zone; dots are nodes.
 
-    axes: of matplotlib; name: of a scalar field of meeframe.results.schema, or 'tangential traction' for the one along
-    x of the picture; which: as in select; colour: of the line. Raises ResultError for an unknown name.
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Axes to draw on.
+    result : Result
+        The result.
+    name : str, optional
+        Name of a scalar field of meeframe.results.schema, or 'tangential traction' for the one along x of the picture.
+    which : int, tuple of int, str or StepResult, optional
+        Increment, see `select`; that of the peak load by default.
+    colour : str, optional
+        Colour of the line.
+
+    Raises
+    ------
+    ResultError
+        If there is no such field or increment.
     """
     step, picture = select(result, which), Picture.of(result.zone)
     if name == TANGENTIAL:
@@ -313,7 +491,22 @@ def _sections(result: Result, step: StepResult, title: str) -> "Figure":
 
 @styled
 def draw_convergence(axes: Any, result: Result, which: Which = None) -> None:
-    """Draw the monitored quantity of the solver over its iterations, on a logarithmic axis; which: as in select."""
+    """Draw the monitored quantity of the solver over its iterations, on a logarithmic axis.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Axes to draw on.
+    result : Result
+        The result.
+    which : int, tuple of int, str or StepResult, optional
+        Increment, see `select`; that of the peak load by default.
+
+    Raises
+    ------
+    ResultError
+        If there is no such increment.
+    """
     step = select(result, which)
     axes.semilogy(*step.history.T, "o-", label=f"{name_of(result, step)}:\n{step.status}")
     axes.set(xlabel="iteration", ylabel="residual")

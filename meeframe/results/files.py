@@ -77,11 +77,11 @@ class ResultWriter:
 
     Parameters
     ----------
-    folder
+    folder : Path
         Output folder.
-    result
+    result : Result
         Data of the run before its first increment.
-    fields
+    fields : collection of str or None
         Optional nodal fields to store (`meeframe.results.schema.optional_fields`); None: all.
     """
 
@@ -92,7 +92,18 @@ class ResultWriter:
     _has_boundary: bool = field(default=False, init=False)
 
     def append(self, step: StepResult) -> None:
-        """Write one more increment, completely or not at all. Raises ResultError if it cannot be written."""
+        """Write one more increment, completely or not at all.
+
+        Parameters
+        ----------
+        step : StepResult
+            The increment.
+
+        Raises
+        ------
+        ResultError
+            If it cannot be written.
+        """
         increments = self.folder / INCREMENTS
         try:
             increments.mkdir(exist_ok=True)
@@ -109,10 +120,22 @@ class ResultWriter:
         self.count += 1
 
     def finish(self, ended: Callable[[], SomeResult]) -> SomeResult:
-        """Move the increments into result.h5 and return what `ended` returns, the result with its timings.
+        """Move the increments into result.h5.
 
-        ended: called when everything else is written. Raises ResultError if the file cannot be written; increments
-        then stay where they are.
+        Parameters
+        ----------
+        ended : callable
+            Function that returns the result with its timings; called when everything else is written.
+
+        Returns
+        -------
+        Result
+            The result of `ended`.
+
+        Raises
+        ------
+        ResultError
+            If the file cannot be written; increments then stay where they are.
         """
         with replacing(self.folder / RESULT_FILE) as path, changed_file(path, "w") as file:
             _put_head(file, self.result)
@@ -148,7 +171,22 @@ class ResultWriter:
 
 
 def write_result(folder: Path, result: Result, fields: Collection[str] | None = None) -> None:
-    """Write a complete result file; fields: as in ResultWriter. Raises ResultError if it cannot be written."""
+    """Write a complete result file.
+
+    Parameters
+    ----------
+    folder : Path
+        Output folder.
+    result : Result
+        The result.
+    fields : collection of str, optional
+        Optional nodal fields to store, as in `ResultWriter`; all by default.
+
+    Raises
+    ------
+    ResultError
+        If it cannot be written.
+    """
     with replacing(folder / RESULT_FILE) as path, changed_file(path, "w") as file:
         _put_head(file, result)
         _put_zone(file, result.zone)
@@ -197,7 +235,25 @@ def read_result(folder: str | Path) -> Result:
 
 
 def stored_steps(folder: Path, zone: Zone) -> Iterator[StepResult]:
-    """Yield the increments of a run of this process, whose zone is given, from its folder, in order."""
+    """Yield the increments of a run of this process from its folder, in order.
+
+    Parameters
+    ----------
+    folder : Path
+        Output folder of the run.
+    zone : Zone
+        Contact zone of the run.
+
+    Yields
+    ------
+    StepResult
+        The next increment.
+
+    Raises
+    ------
+    ResultError
+        If the file cannot be read.
+    """
     with _reading(folder), h5py.File(folder / RESULT_FILE, "r") as file:
         yield from _get_steps(file, zone)
 

@@ -92,11 +92,11 @@ class PointGrid:
 
     Attributes
     ----------
-    origin
+    origin : Array
         (3,) position of the coordinates zero [m].
-    axes
+    axes : Array
         (3, 3) unit vectors of the coordinates, in rows.
-    coordinates
+    coordinates : tuple of Array
         Increasing coordinates of the points along each axis [m]; a single one for the normal of a section.
     """
 

@@ -28,18 +28,54 @@ _SENTENCE_SEPARATOR: Final = "; "
 
 
 def join_sentences(message: str, *sentences: str) -> str:
-    """Return a message with further sentences, whose semicolons become commas: in messages they separate sentences."""
+    """Return a message with further sentences.
+
+    Parameters
+    ----------
+    message : str
+        The message.
+    *sentences : str
+        Further sentences. Their semicolons become commas, since semicolons separate the sentences of a message.
+
+    Returns
+    -------
+    str
+        The longer message.
+    """
     return _SENTENCE_SEPARATOR.join([message, *(text.replace(_SENTENCE_SEPARATOR, ", ") for text in sentences)])
 
 
 def sentences_of(message: str) -> list[str]:
-    """Return the sentences of a message."""
+    """Return the sentences of a message.
+
+    Parameters
+    ----------
+    message : str
+        Message as of `join_sentences`.
+
+    Returns
+    -------
+    list of str
+        The sentences.
+    """
     return message.split(_SENTENCE_SEPARATOR)
 
 
 @dataclass(frozen=True, eq=False)
 class Zone:
-    """Contact zone: points (n, 3) [m], frames (n, 3, 3), weights (n,) [m^2] and cells as in ReducedSystem."""
+    """Contact zone of n nodes.
+
+    Attributes
+    ----------
+    points : Array
+        Positions of the nodes, (n, 3) [m].
+    frames : Array
+        Local frames, (n, 3, 3), rows e1, e2, nu, nu outward.
+    weights : Array
+        Integration weights, (n,) [m^2].
+    cells : Cells
+        Pairs of a meshio cell type and its connectivity, numbers into `points`.
+    """
 
     points: Array
     frames: Array
@@ -52,7 +88,18 @@ class Zone:
 
 
 def zone_of(system: ReducedSystem) -> Zone:
-    """Return the contact zone of a reduced system."""
+    """Return the contact zone of a reduced system.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        The system.
+
+    Returns
+    -------
+    Zone
+        The zone.
+    """
     return Zone(system.points, system.frames, system.weights, system.cells)
 
 
@@ -110,9 +157,20 @@ class Region(IntEnum):
 class RollingMotion:
     """Rolling of the contact over the surface in one increment.
 
-    direction: unit vector in global axes, (3,), along which the contact moves relative to the material; creepage: (2,)
-    longitudinal and lateral; spin: [1/m]; cell: rolled distance of the increment [m]; distance: that of all increments
-    since the beginning [m]; cycles: of steady rolling since the beginning, in which the surfaces have worn.
+    Attributes
+    ----------
+    direction : Array
+        Unit vector in global axes, (3,), along which the contact moves relative to the material.
+    creepage : Array
+        Longitudinal and lateral creepage, (2,).
+    spin : float
+        Spin [1/m].
+    cell : float
+        Rolled distance of the increment [m].
+    distance : float
+        Rolled distance of all increments since the beginning [m].
+    cycles : float
+        Cycles of steady rolling since the beginning, in which the surfaces have worn.
     """
 
     direction: Array
@@ -127,15 +185,34 @@ class RollingMotion:
 class Loading:
     """Position of the indenter in one increment, with the resultants that were prescribed.
 
-    approach: along its axis into the body [m]; translation: (2,) across its axis, along e1 and e2 of its axes [m];
-    tilt: (2,) about e1 and e2, twist: about the axis, right-handed [rad]; scalars: the potentials of its surface by
-    name, where the laws conduct, such as "electric_potential" [V]; each is an attribute by this name, too. All are
-    measured from where the indenter just touched, and are results of the computation where they were free.
-    prescribed: by its key in case files, each resultant that was prescribed instead of a motion, (1,) or (2,), SI.
-    reference: its lowest point where it just touched, about which it rotates, (3,) in global axes [m]; axes: rows e1,
-    e2, axis of the indenter, (3, 3); duration: of the increment, None if its load step names none [s]; rolling: that of
-    the increment, None if the contact stays in place; travel: (2,) way of the contact over the material since the
-    beginning, along e1 and e2 [m].
+    Motions and potentials are measured from where the indenter just touched, and are results of the computation where
+    they were free.
+
+    Attributes
+    ----------
+    approach : float
+        Approach along the axis of the indenter into the body [m].
+    translation : Array
+        Translation across the axis, along e1 and e2 of `axes`, (2,) [m].
+    tilt : Array
+        Right-handed rotations about e1 and e2, (2,) [rad].
+    twist : float
+        Right-handed rotation about the axis [rad].
+    scalars : dict of str to float
+        Potentials of the surface of the indenter by name, where the laws conduct, such as "electric_potential" [V];
+        each is an attribute by this name, too.
+    prescribed : dict of str to Array
+        Each resultant that was prescribed instead of a motion, (1,) or (2,), by its key in case files, SI units.
+    reference : Array
+        Lowest point of the indenter where it just touched, about which it rotates, (3,) in global axes [m].
+    axes : Array
+        Rows e1, e2 and axis of the indenter, (3, 3).
+    duration : float or None
+        Duration of the increment [s]; None if its load step has none.
+    rolling : RollingMotion or None
+        Rolling in the increment; None if the contact stays in place.
+    travel : Array
+        Way of the contact over the material since the beginning, along e1 and e2, (2,) [m].
     """
 
     approach: float
@@ -162,7 +239,28 @@ class Loading:
         rolling: RollingMotion | None = None,
         travel: Array | None = None,
     ) -> "Loading":
-        """Return the loading of all motions of an indenter, (motions,), in the order of IndenterMotions."""
+        """Return the loading of all motions of an indenter.
+
+        Parameters
+        ----------
+        motion : Array
+            Motions and potentials, (motions,), in the order of IndenterMotions, SI units.
+        prescribed, reference, axes
+            As the attributes.
+        duration : float, optional
+            Duration of the increment [s].
+        fields : FieldSet, optional
+            Field set of the body.
+        rolling : RollingMotion, optional
+            Rolling in the increment.
+        travel : Array, optional
+            Way of the contact over the material, (2,) [m]; zero by default.
+
+        Returns
+        -------
+        Loading
+            The loading.
+        """
         approach, translation, tilt, twist = (motion[columns] for columns in RIGID_MOTIONS.values())
         potentials = zip(fields.scalars, motion[N_RIGID:].tolist(), strict=True)
         scalars = {scalar.value_name: value for scalar, value in potentials}
@@ -181,7 +279,25 @@ class Loading:
 
 
 def named_scalar(record: object, name: str) -> float:
-    """Return the value of a scalar field in a record by name; raise AttributeError if there is none."""
+    """Return the value of a scalar field in a record by name.
+
+    Parameters
+    ----------
+    record : object
+        Record with an attribute `scalars`.
+    name : str
+        Name of the value, such as "electric_potential".
+
+    Returns
+    -------
+    float
+        The value, SI units.
+
+    Raises
+    ------
+    AttributeError
+        If there is no scalar field of this name.
+    """
     scalars: Mapping[str, float] = record.__dict__.get("scalars", {})
     if name not in scalars:
         raise AttributeError(f"{type(record).__name__} has no attribute {name!r}")
@@ -388,14 +504,37 @@ class Result:
 
 
 def split_load(load: Array) -> tuple[Array, Array]:
-    """Return tractions (n, 3) and outward fluxes (n, scalars) of a load (n, fields)."""
+    """Return tractions and fluxes of a load.
+
+    Parameters
+    ----------
+    load : Array
+        Load of a reduced system, (n, fields).
+
+    Returns
+    -------
+    Array
+        Tractions, (n, 3) [Pa], along e1, e2, nu.
+    Array
+        Outward fluxes, (n, scalars), SI units.
+    """
     return load[:, MECHANICAL], load[:, POTENTIALS]
 
 
 def split_displacement(displacement: Array) -> tuple[Array, Array]:
-    """Return displacements (n, 3) and potentials (n, scalars), in their physical sign.
+    """Return displacements and potentials of an extended displacement.
 
-    displacement: (n, fields) of a reduced system, whose potentials are negated.
+    Parameters
+    ----------
+    displacement : Array
+        Displacement of a reduced system, (n, fields), whose potentials are negated.
+
+    Returns
+    -------
+    Array
+        Displacements, (n, 3) [m], along e1, e2, nu.
+    Array
+        Potentials in their physical sign, (n, scalars), SI units.
     """
     scalars = displacement[:, POTENTIALS]
     potentials = np.zeros(scalars.shape[::-1]).T  # columns of zeros are never written, and take no memory

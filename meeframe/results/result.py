@@ -113,23 +113,35 @@ class Result(records.Result):
         return select(self, step)
 
     def to_dataframe(self) -> Any:
-        """Return a pandas.DataFrame with one row for each finished increment.
+        """Return a table with one row for each finished increment.
 
-        Columns are the motions of the indenter, forces, total fluxes, areas, maxima, dissipated energy, iterations and
-        status, named as in summary.json with a suffix for each component; `attrs["units"]` has their SI units. Tilt and
-        twist with their moments are left out where they are zero and not free.
+        Returns
+        -------
+        pandas.DataFrame
+            Columns are the motions of the indenter, forces, total fluxes, areas, maxima, dissipated energy, iterations
+            and status, named as in summary.json with a suffix for each component; `attrs["units"]` has their SI units.
+            Tilt and twist with their moments are left out where they are zero and not free.
 
-        Raises ResultError without pandas.
+        Raises
+        ------
+        ResultError
+            If pandas is not installed.
         """
         return tables.dataframe(self)
 
     def to_xarray(self) -> Any:
-        """Return an xarray.Dataset of the nodal fields and totals of all finished increments.
+        """Return the nodal fields and totals of all finished increments.
 
-        Fields have the dimensions increment and node, or increment, x and y if the nodes are a rectangular grid;
-        vectors have components along e1, e2 and nu of the frames of the zone. Units and labels are attributes.
+        Returns
+        -------
+        xarray.Dataset
+            Fields have the dimensions increment and node, or increment, x and y if the nodes are a rectangular grid;
+            vectors have components along e1, e2 and nu of the frames of the zone. Units and labels are attributes.
 
-        Raises ResultError without xarray.
+        Raises
+        ------
+        ResultError
+            If xarray is not installed.
         """
         return tables.dataset(self)
 

@@ -53,21 +53,21 @@ class NodalField:
 
     Parameters
     ----------
-    name, unit, label
+    name, unit, label : str
         Key in files and studies, SI unit, words for figures and tables.
-    values
+    values : callable
         Function of the zone and an increment that returns an array (n,), or (n, k) for k components.
-    components
+    components : int
         Number k of components along e1, e2, nu of the zone's frames; 0 for a scalar.
-    stored
+    stored : StorageCondition
         Condition under which result files hold it.
-    views
+    views : frozenset of View
         Further outputs that show it.
-    attribute, column
+    attribute, column : str and int or None
         Attribute of StepResult, and column of it, that a result file restores from it; "" if it follows from others.
-    integer
+    integer : bool
         True if its values are integers.
-    phenomenon
+    phenomenon : str
         See `is_present`.
     """
 
@@ -191,12 +191,36 @@ BOUNDARY: Final = "boundary"
 
 
 def nodal_fields(fields: FieldSet = MEE) -> tuple[NodalField, ...]:
-    """Return the fields on the contact zone, among them potential of the body and outward flux of each scalar field."""
+    """Return the fields on the contact zone, among them potential of the body and outward flux of each scalar field.
+
+    Parameters
+    ----------
+    fields : FieldSet, optional
+        Field set of the body.
+
+    Returns
+    -------
+    tuple of NodalField
+        The fields.
+    """
     return (*TRACTION_FIELDS, *_scalar_fields(fields), *NODAL_FIELDS)
 
 
 def nodal(view: View, fields: FieldSet = MEE) -> dict[str, NodalField]:
-    """Return the nodal fields that are shown in a view, by name."""
+    """Return the nodal fields that are shown in a view.
+
+    Parameters
+    ----------
+    view : View
+        The view.
+    fields : FieldSet, optional
+        Field set of the body.
+
+    Returns
+    -------
+    dict of str to NodalField
+        The fields by name.
+    """
     return {field.name: field for field in nodal_fields(fields) if view in field.views}
 
 
@@ -208,7 +232,15 @@ def optional_fields() -> tuple[str, ...]:
 def loaded_fields(friction: bool) -> frozenset[str]:
     """Return the optional fields that a result file holds unless its case selects others.
 
-    friction: whether the contact law resists slip, or the case continues a run whose law may have resisted it.
+    Parameters
+    ----------
+    friction : bool
+        True if the contact law resists slip, or the case continues a run whose law may have resisted it.
+
+    Returns
+    -------
+    frozenset of str
+        Names of the fields.
     """
     kinds = {StorageCondition.WITH_FRICTION} if friction else set()
     return frozenset({field.name for field in nodal_fields() if field.stored in kinds} | {BOUNDARY})
@@ -216,7 +248,19 @@ def loaded_fields(friction: bool) -> frozenset[str]:
 
 @dataclass(frozen=True)
 class BoundaryField:
-    """Field on the whole boundary: columns of the `values` or `fluxes` of NodalFields, in global axes."""
+    """Field on the whole boundary, in global axes.
+
+    Attributes
+    ----------
+    name, unit : str
+        Key in files, SI unit.
+    source : str
+        Attribute of NodalFields that holds it, "values" or "fluxes".
+    columns : slice
+        Its columns there.
+    phenomenon : str
+        See `is_present`.
+    """
 
     name: str
     unit: str
@@ -244,7 +288,18 @@ def _boundary_fields(
 
 
 def boundary_fields(fields: FieldSet = MEE) -> tuple[BoundaryField, ...]:
-    """Return the fields on the whole boundary."""
+    """Return the fields on the whole boundary.
+
+    Parameters
+    ----------
+    fields : FieldSet, optional
+        Field set of the body.
+
+    Returns
+    -------
+    tuple of BoundaryField
+        The fields.
+    """
     return (
         *_boundary_fields(fields, fields.value_names, fields.value_units, "values"),
         *_boundary_fields(fields, fields.flux_names, fields.flux_units, "fluxes"),
@@ -257,16 +312,16 @@ class Total:
 
     Parameters
     ----------
-    name, unit, label
+    name, unit, label : str
         Key in files and studies, SI unit, words for tables.
-    components
+    components : tuple of str
         Suffixes of its components, () for a single number.
-    value
+    value : callable or None
         Function of the zone and an increment that returns the number, or an array of numbers; None for the entry of
         `resultants` under this name.
-    phenomenon
+    phenomenon : str
         See `is_present`.
-    views
+    views : frozenset of View
         Tables that show it: files and sweeps hold every total.
     """
 
@@ -329,12 +384,34 @@ def _motion(name: str) -> Callable[[Zone, StepResult], Any]:
 
 
 def total_rows(fields: FieldSet = MEE) -> tuple[Total, ...]:
-    """Return resultants and maxima of an increment, among them those of each scalar field."""
+    """Return resultants and maxima of an increment, among them those of each scalar field.
+
+    Parameters
+    ----------
+    fields : FieldSet, optional
+        Field set of the body.
+
+    Returns
+    -------
+    tuple of Total
+        The totals.
+    """
     return (*FORCES, *(total for scalar in fields.scalars for total in _scalar_totals(scalar)), *TOTALS)
 
 
 def motion_totals(fields: FieldSet = MEE) -> tuple[Total, ...]:
-    """Return the motions and potentials of the indenter, as in Loading."""
+    """Return the motions and potentials of the indenter, as in Loading.
+
+    Parameters
+    ----------
+    fields : FieldSet, optional
+        Field set of the body.
+
+    Returns
+    -------
+    tuple of Total
+        The totals.
+    """
     motions = IndenterMotions(fields)
     phenomena = {scalar.value_name: scalar.name for scalar in fields.scalars}
     return tuple(
@@ -351,7 +428,18 @@ def motion_totals(fields: FieldSet = MEE) -> tuple[Total, ...]:
 
 
 def conductance_name(scalar: ScalarField) -> str:
-    """Return the name of the conductance of the contact for a scalar field."""
+    """Return the name of the conductance of the contact for a scalar field.
+
+    Parameters
+    ----------
+    scalar : ScalarField
+        The field.
+
+    Returns
+    -------
+    str
+        The name.
+    """
     return "conductance" if scalar == ELECTRIC_FIELD else f"{scalar.name}_conductance"
 
 
@@ -419,7 +507,20 @@ ROLLING_TOTALS: Final[tuple[Total, ...]] = (
 
 
 def rolling_totals(zone: Zone, step: StepResult) -> dict[str, Any]:
-    """Return the numbers of ROLLING_TOTALS of an increment by name; empty unless the contact rolls."""
+    """Return the numbers of ROLLING_TOTALS of an increment.
+
+    Parameters
+    ----------
+    zone : Zone
+        Contact zone.
+    step : StepResult
+        The increment.
+
+    Returns
+    -------
+    dict of str to object
+        Numbers by name; empty unless the contact rolls.
+    """
     if step.loading.rolling is None:
         return {}
     return {total.name: total.value(zone, step) for total in ROLLING_TOTALS if total.value is not None}
@@ -431,6 +532,16 @@ def measures(fields: FieldSet = MEE) -> tuple[Total, ...]:
     These are the duration, nan without one; the largest slip since the beginning of nodes in contact and the longest
     path slipped; the conductance for each scalar field (docs/howto/contact-resistance.md); those of rolling; 1 if the
     contact reaches the boundary of its zone, iterations and residual.
+
+    Parameters
+    ----------
+    fields : FieldSet, optional
+        Field set of the body.
+
+    Returns
+    -------
+    tuple of Total
+        The measures.
     """
     return (
         Total("duration", "s", "duration", value=lambda _, step: _duration(step)),
@@ -455,7 +566,18 @@ def measures(fields: FieldSet = MEE) -> tuple[Total, ...]:
 
 
 def all_totals(fields: FieldSet = MEE) -> tuple[Total, ...]:
-    """Return all totals, motions of the indenter and measures of an increment."""
+    """Return all totals, motions of the indenter and measures of an increment.
+
+    Parameters
+    ----------
+    fields : FieldSet, optional
+        Field set of the body.
+
+    Returns
+    -------
+    tuple of Total
+        Those of `total_rows`, `motion_totals` and `measures`.
+    """
     return (*total_rows(fields), *motion_totals(fields), *measures(fields))
 
 
@@ -464,7 +586,20 @@ def _largest(values: Array) -> float:
 
 
 def totals(zone: Zone, step: StepResult) -> dict[str, Any]:
-    """Return the totals of an increment by name."""
+    """Return the totals of an increment.
+
+    Parameters
+    ----------
+    zone : Zone
+        Contact zone.
+    step : StepResult
+        The increment.
+
+    Returns
+    -------
+    dict of str to object
+        Number or array of numbers of each of `total_rows`, by name, SI units.
+    """
     summed = resultants(zone, step)
     return {
         total.name: getattr(summed, total.name) if total.value is None else total.value(zone, step)
@@ -473,7 +608,20 @@ def totals(zone: Zone, step: StepResult) -> dict[str, Any]:
 
 
 def numbers(rows: Iterable[Total], values: Mapping[str, Any]) -> dict[str, float]:
-    """Return the components of rows as single numbers by their names."""
+    """Return the components of totals as single numbers.
+
+    Parameters
+    ----------
+    rows : iterable of Total
+        The totals.
+    values : dict of str to object
+        Their values by name, as of `totals`; nan stands for all components.
+
+    Returns
+    -------
+    dict of str to float
+        Numbers by the names of the components.
+    """
     result: dict[str, float] = {}
     for row in rows:
         components = np.broadcast_to(values[row.name], len(row.names))  # nan where there are none
@@ -482,12 +630,38 @@ def numbers(rows: Iterable[Total], values: Mapping[str, Any]) -> dict[str, float
 
 
 def total_named(name: str, fields: FieldSet = MEE) -> Total | None:
-    """Return the total, motion or measure of this name or with a component of this name, if any."""
+    """Return the total, motion or measure of a name.
+
+    Parameters
+    ----------
+    name : str
+        Name of the total or of one of its components.
+    fields : FieldSet, optional
+        Field set of the body.
+
+    Returns
+    -------
+    Total or None
+        The total; None if there is none of this name.
+    """
     return next((row for row in all_totals(fields) if name in (row.name, *row.names)), None)
 
 
 def label_of(name: str, fields: FieldSet = MEE) -> str:
-    """Return the label of a total, a component of one or a nodal field; for other names, the name with blanks."""
+    """Return the label of a quantity.
+
+    Parameters
+    ----------
+    name : str
+        Name of a total, a component of one or a nodal field.
+    fields : FieldSet, optional
+        Field set of the body.
+
+    Returns
+    -------
+    str
+        The label; for other names, the name with blanks.
+    """
     field = next((row for row in nodal_fields(fields) if row.name == name), None)
     row = total_named(name, fields)
     if row is not None:
@@ -496,7 +670,22 @@ def label_of(name: str, fields: FieldSet = MEE) -> str:
 
 
 def shown_totals(view: View, values: Sequence[Mapping[str, Any]], fields: FieldSet = MEE) -> list[Total]:
-    """Return the totals that a table shows for increments with these values, as of `totals`."""
+    """Return the totals that a table shows.
+
+    Parameters
+    ----------
+    view : View
+        The table.
+    values : sequence of dict
+        Values of each increment, as of `totals`.
+    fields : FieldSet, optional
+        Field set of the body.
+
+    Returns
+    -------
+    list of Total
+        Totals of this view, without those of absent phenomena.
+    """
     rows = total_rows(fields)
     there = {total.phenomenon for total in rows if any(np.any(each[total.name]) for each in values)}
     return [total for total in rows if view in total.views and is_present(total, there)]
@@ -505,6 +694,16 @@ def shown_totals(view: View, values: Sequence[Mapping[str, Any]], fields: FieldS
 def is_present(row: NodalField | BoundaryField | Total, phenomena: Collection[str]) -> bool:
     """Return whether a quantity belongs to one of the phenomena of a result.
 
-    They are scalar fields, by name, FRICTION, SLIP, WEAR and "attraction"; "" always is present.
+    Parameters
+    ----------
+    row : NodalField, BoundaryField or Total
+        The quantity. If its phenomenon is "", it always is present.
+    phenomena : collection of str
+        Scalar fields, by name, FRICTION, SLIP, WEAR and "attraction", as far as the result has them.
+
+    Returns
+    -------
+    bool
+        True if it does.
     """
     return row.phenomenon in {"", *phenomena}

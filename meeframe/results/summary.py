@@ -43,13 +43,32 @@ _ABOUT: Final = {"tilt": "moment", "twist": "torque"}
 def summary(result: Result) -> dict[str, Any]:
     """Return the content of summary.json, of plain Python types; see docs/reference/results.md.
 
-    Numbers that are not finite become None.
+    Parameters
+    ----------
+    result : Result
+        The result.
+
+    Returns
+    -------
+    dict of str to object
+        The content. Numbers that are not finite are None.
     """
     return _run(result) | {"steps": list(_entries(result))}
 
 
 def summary_json(result: Result) -> Iterator[str]:
-    """Yield the text of summary.json, increment by increment: the whole of a long history takes much memory."""
+    """Yield the text of summary.json, increment by increment: the whole of a long history takes much memory.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+
+    Yields
+    ------
+    str
+        The next part of the text.
+    """
     yield _json(_run(result) | {"steps": []}).removesuffix("[]\n}") + "["
     separator = "\n"
     for entry in _entries(result):
@@ -112,8 +131,20 @@ def _plain(value: Any) -> Any:
 def summary_table(result: Result, which: Sequence[Which] = (), width: int = 120) -> RenderableType:
     """Return the summary for the terminal: a line on the run and a table with a column for each of some increments.
 
-    These are the chosen ones (see `select`); by default the last one of each load step, and that of the peak load, or
-    as many of them as fit into the width, in characters.
+    Parameters
+    ----------
+    result : Result
+        The result.
+    which : sequence of int, tuple, str or StepResult, optional
+        The increments (see `select`); by default the last one of each load step, and that of the peak load, or as many
+        of them as fit into the width.
+    width : int, optional
+        Width of the terminal in characters.
+
+    Returns
+    -------
+    rich.console.RenderableType
+        The table, with the messages of increments below it.
     """
     table = LiteralTable(result.provenance.title)
     table.add_column("")
@@ -204,7 +235,20 @@ def _rolling(shown: Sequence[_Entry]) -> Iterator[_Row]:
 
 
 def without_round_off(values: Array, largest: float) -> Array:
-    """Return values with zeros in place of those that are negligible beside the largest of all increments or runs."""
+    """Return values with zeros in place of those that are negligible.
+
+    Parameters
+    ----------
+    values : Array
+        Values of any shape.
+    largest : float
+        Largest modulus in all increments or runs, in the unit of the values.
+
+    Returns
+    -------
+    Array
+        Values, of the same shape.
+    """
     return np.where(np.abs(values) < _ROUND_OFF * largest, 0.0, values)
 
 

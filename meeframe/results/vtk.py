@@ -26,7 +26,20 @@ _COINCIDENCE_TOLERANCE: Final = 1e-9
 
 
 def write_fields(folder: Path, result: Result) -> None:
-    """Write fields.vtu and fields.pvd of a result, as FieldsWriter. Raises ResultError as FieldsWriter.finish."""
+    """Write fields.vtu and fields.pvd of a result, as FieldsWriter.
+
+    Parameters
+    ----------
+    folder : Path
+        Output folder.
+    result : Result
+        The result.
+
+    Raises
+    ------
+    ResultError
+        As `FieldsWriter.finish`.
+    """
     writer = FieldsWriter(folder, result.zone, peaks(result).phenomena)
     for step in result.steps:
         writer.add(step)
@@ -60,14 +73,31 @@ class FieldsWriter:
         self._last: tuple[int, StepResult] | None = None
 
     def add(self, step: StepResult) -> None:
-        """Add one more increment. Raises ResultError if the file of an earlier one cannot be written."""
+        """Add one more increment.
+
+        Parameters
+        ----------
+        step : StepResult
+            The increment.
+
+        Raises
+        ------
+        ResultError
+            If the file of an earlier one cannot be written.
+        """
         self._count += 1
         if step.boundary is not None:
             self._write_member()
             self._last = self._count, step
 
     def finish(self) -> None:
-        """Write fields.vtu and fields.pvd. Raises ResultError without boundary fields, or if it cannot be written."""
+        """Write fields.vtu and fields.pvd.
+
+        Raises
+        ------
+        ResultError
+            If no increment has fields on the whole boundary, or if a file cannot be written.
+        """
         if self._last is None:
             raise ResultError(
                 "the result holds no fields on the whole boundary; with [output] fields in the case file, name "
@@ -111,7 +141,20 @@ class FieldsWriter:
 
 
 def boundary_mesh(result: Result, step: StepResult) -> Any:
-    """Return the meshio.Mesh of the whole boundary with its fields, as in fields.vtu; the step holds them."""
+    """Return the whole boundary with its fields, as in fields.vtu.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+    step : StepResult
+        One of its increments, with fields on the boundary.
+
+    Returns
+    -------
+    meshio.Mesh
+        The boundary [m] with its fields as point data, SI units and global axes.
+    """
     import meshio  # half a second to import; only here
 
     boundary = step.boundary
@@ -135,7 +178,20 @@ def _boundary_data(zone: Zone, step: StepResult, phenomena: Collection[str]) -> 
 
 
 def zone_mesh(result: Result, step: StepResult) -> Any:
-    """Return the meshio.Mesh of the contact zone with the fields of its nodes, vectors in global axes."""
+    """Return the contact zone with the fields of its nodes.
+
+    Parameters
+    ----------
+    result : Result
+        The result.
+    step : StepResult
+        One of its increments.
+
+    Returns
+    -------
+    meshio.Mesh
+        The zone [m] with its fields as point data, SI units, vectors in global axes.
+    """
     import meshio
 
     zone = result.zone

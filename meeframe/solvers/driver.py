@@ -105,12 +105,20 @@ def solve_to_edges(
 def resolve_edges(
     problem: ContactProblem, state: ContactState, indenter_edge: Callable[[], IndenterEdge | None] = lambda: None
 ) -> ContactProblem | None:
-    """Return the problem with the contact edge of a state between nodes, or None.
+    """Return the problem with the contact edge of a state between nodes.
 
-    The result is None if the system does not resolve edges; where no load is singular at the edge, as for smooth
-    indenters with laws that conduct nothing without pressure; and where the contact ends with the indenter, but the
-    edge of the indenter is unknown. indenter_edge: returns the edge of the indenter; called only if the system
-    resolves edges.
+    Parameters
+    ----------
+    problem, state : ContactProblem and ContactState
+        Contact problem, and its solution with the contact edge at nodes.
+    indenter_edge : callable, optional
+        Function that returns the edge of the indenter; called only if the system resolves edges.
+
+    Returns
+    -------
+    ContactProblem or None
+        None if the system does not resolve edges; where no load is singular at the edge, as for smooth indenters with
+        laws that conduct nothing without pressure; and where the contact ends with the indenter of unknown edge.
     """
     resolution = problem.system.capability(EdgeResolution)
     if resolution is None:

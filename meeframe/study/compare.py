@@ -47,24 +47,24 @@ def compare(
 
     Parameters
     ----------
-    file
+    file : Path
         The case file.
-    options
+    options : dict of str to sequence of str
         Names or inline tables by option, see `meeframe.study.choices.OPTIONS`. A table replaces that of the case; a
         name takes the parameters in the case file that apply to it.
-    out
+    out : Path
         Output folder; created if it does not exist.
-    overwrite
+    overwrite : bool, optional
         Whether earlier results in `out` are replaced.
-    registry
+    registry : Registry, optional
         Registry of plugins; by default everything that is installed.
-    progress
+    progress : callable, optional
         Called with the stage and the fraction of it that is done.
-    warn
+    warn : callable, optional
         Called first, with each warning of formulations and cases once.
-    step
+    step : str, optional
         Increment whose fields and totals are compared, see `Comparison`.
-    suffix
+    suffix : str, optional
         Format of the figure, of meeframe.results.figures.FORMATS.
 
     Returns

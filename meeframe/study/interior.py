@@ -111,21 +111,21 @@ def interior(
 
     Parameters
     ----------
-    run
+    run : Result, Path or str
         A result, or the folder of one.
-    points
+    points : Array or PointGrid, optional
         Positions (m, 3) in global axes [m], or a grid; by default a box under the contact
         (`PointGrid.below_contact`). Large numbers of points take time, which `progress` shows.
-    case
+    case : Case, Path or str, optional
         The case, or its file; by default the case stored in the result, whose relative paths start in the current
         folder.
-    step
+    step : int, tuple of int, str or StepResult, optional
         Increment, as for `Result.select`: by default that of the peak load.
-    body
+    body : {'first', 'second'}, optional
         "first" or "second" of two bodies in contact; see `meeframe.results.interior.interior`.
-    registry
+    registry : Registry, optional
         Registry of plugins for the case, by default that of the installed ones.
-    progress
+    progress : callable, optional
         Function that receives a stage and the fraction done.
 
     Returns

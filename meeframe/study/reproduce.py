@@ -20,7 +20,23 @@ DPI: Final = 100
 
 
 def known_studies(folder: Path) -> dict[str, Path]:
-    """Return the study files by name; fig-05 is FOLDER/*/fig-05.toml. Raises CaseError if there are none."""
+    """Return the study files of a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder, whose subfolders hold the files.
+
+    Returns
+    -------
+    dict of str to Path
+        Files by name; fig-05 is FOLDER/*/fig-05.toml.
+
+    Raises
+    ------
+    CaseError
+        If there are none.
+    """
     if not folder.is_dir():
         raise CaseError(f"folder of studies {folder} does not exist; name another folder with --validation")
     studies = {file.stem: file for file in sorted(folder.glob("*/fig-*.toml"))}
@@ -30,7 +46,25 @@ def known_studies(folder: Path) -> dict[str, Path]:
 
 
 def choose(names: Sequence[str], known: dict[str, Path]) -> list[Path]:
-    """Return the files of the named studies, each once; `all` selects all. Raises CaseError for an unknown name."""
+    """Return the files of the named studies, each once.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names; 'all' selects all.
+    known : dict of str to Path
+        Files by name, as of `known_studies`.
+
+    Returns
+    -------
+    list of Path
+        The files.
+
+    Raises
+    ------
+    CaseError
+        For an unknown name.
+    """
     for name in names:
         if name not in known and name != ALL:
             raise CaseError(f"unknown figure {name!r}; {choices(name, (*known, ALL))}")
@@ -52,17 +86,17 @@ def reproduce(
 
     Parameters
     ----------
-    names
+    names : sequence of str
         Names of figures, or `all`.
-    folder
+    folder : Path
         Folder of the studies.
-    out
+    out : Path
         Output folder; created if it does not exist and locked until the last study is drawn.
-    progress
+    progress : callable, optional
         Called with the stage and the fraction of it that is done.
-    pool
+    pool : Pool, optional
         Pool that solves the runs; by default this process.
-    suffix
+    suffix : str, optional
         Format of the figure, of meeframe.results.figures.FORMATS.
 
     Yields

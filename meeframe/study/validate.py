@@ -52,13 +52,13 @@ class ValidationCase:
 
     Attributes
     ----------
-    name
+    name : str
         Name of the folder.
-    title
+    title : str
         Title of the case.
-    source
+    source : str
         Publication of the references.
-    items
+    items : callable
         Function that yields the items of a quick or a full validation.
     """
 
@@ -69,7 +69,23 @@ class ValidationCase:
 
 
 def known_cases(folder: Path) -> dict[str, Path]:
-    """Return the case folders (FOLDER/*/checks.py) by name. Raises CaseError if there are none."""
+    """Return the validation cases of a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder.
+
+    Returns
+    -------
+    dict of str to Path
+        Folders of the cases, with FOLDER/*/checks.py, by name.
+
+    Raises
+    ------
+    CaseError
+        If there are none.
+    """
     if not folder.is_dir():
         raise CaseError(f"folder of validation cases {folder} does not exist; name another folder with --validation")
     cases = {file.parent.name: file.parent for file in sorted(folder.glob(f"*/{MODULE}"))}
@@ -82,6 +98,16 @@ def known_cases(folder: Path) -> dict[str, Path]:
 
 def load_case(folder: Path) -> ValidationCase:
     """Import the module of a case.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the case.
+
+    Returns
+    -------
+    ValidationCase
+        The case.
 
     Raises
     ------
@@ -106,15 +132,15 @@ def validate(
 
     Parameters
     ----------
-    folder
+    folder : Path
         Folder of the cases.
-    out
+    out : Path
         Output folder; created if it does not exist and locked until the validation ends.
-    names
+    names : sequence of str, optional
         Names of the cases to run; by default all.
-    quick
+    quick : bool, optional
         Whether to use coarser grids.
-    progress
+    progress : callable, optional
         Called with the name of the case when it starts.
 
     Returns

@@ -56,11 +56,11 @@ class Meshes:
 
     Attributes
     ----------
-    levels
+    levels : int
         Number of meshes; the finest is that of the case.
-    factor
+    factor : float
         Ratio of the element sizes of successive meshes.
-    order
+    order : float
         Theoretical order of totals, used where no order is observed.
 
     Raises
@@ -93,11 +93,11 @@ class PlannedRun:
 
     Attributes
     ----------
-    formulation
+    formulation : str
         Label of the formulation.
-    size
+    size : float
         Element size relative to the width of the contact zone.
-    case
+    case : Case
         The case of the run.
     """
 
@@ -125,28 +125,28 @@ def verify(
 
     Parameters
     ----------
-    file
+    file : Path
         The case file.
-    out
+    out : Path
         Output folder; created if it does not exist.
-    formulations
+    formulations : sequence of str, optional
         Names or inline tables, as for `meeframe compare`. By default all registered formulations; those that refuse the
         case are listed in the verification.
-    meshes
+    meshes : Meshes, optional
         Meshes to use.
-    every_step
+    every_step : bool, optional
         Whether to compare at the end of every load step instead of the last one only.
-    overwrite
+    overwrite : bool, optional
         Whether earlier results in `out` are replaced.
-    registry
+    registry : Registry, optional
         Registry of plugins; by default everything that is installed.
-    progress
+    progress : callable, optional
         Called with the stage and the fraction of it that is done.
-    cache
+    cache : Path, optional
         Folder of reduced systems shared with other verifications, see `meeframe.model.cache`.
-    warn
+    warn : callable, optional
         Called first, with the warnings of each formulation on each mesh and of the case.
-    suffix
+    suffix : str, optional
         Format of the figure, of meeframe.results.figures.FORMATS.
 
     Returns
@@ -210,9 +210,30 @@ def _run_all(
 def planned_runs(
     file: Path, chosen: Sequence[Choice], meshes: Meshes, registry: Registry
 ) -> tuple[list[PlannedRun], dict[str, str]]:
-    """Return all runs of a verification, coarsest meshes first, and the reasons of formulations that refuse the case.
+    """Return all runs of a verification.
 
-    Raises CaseError if the meshes cannot be coarsened or two of them are equal.
+    Parameters
+    ----------
+    file : Path
+        The case file.
+    chosen : sequence of Choice
+        Formulations to compare.
+    meshes : Meshes
+        Number and ratio of the meshes.
+    registry : Registry
+        Registry of plugins.
+
+    Returns
+    -------
+    list of PlannedRun
+        The runs, coarsest meshes first.
+    dict of str to str
+        Reasons of the formulations that refuse the case, by their labels.
+
+    Raises
+    ------
+    CaseError
+        If the meshes cannot be coarsened or two of them are equal.
     """
     _, tables = read_toml(file)
     runs: list[PlannedRun] = []
@@ -267,10 +288,24 @@ def _solve(run: PlannedRun, every_step: bool, reducer: Callable[[Case], ReducedS
 
 
 def measured(system: ReducedSystem, step: StepResult, scaling: FieldScaling) -> dict[str, MeasuredQuantity]:
-    """Return the quantities of a load step that a verification compares, by name.
+    """Return the quantities of a load step that a verification compares.
 
-    These are `meeframe.study.quantities.totals` and the moments without those that are prescribed, and the motions
-    that were found for prescribed resultants. scaling: of the material.
+    These are `meeframe.study.quantities.totals` and the moments without those that are prescribed, and the motions that
+    were found for prescribed resultants.
+
+    Parameters
+    ----------
+    system : ReducedSystem
+        Reduced system of the case.
+    step : StepResult
+        End of the load step.
+    scaling : FieldScaling
+        Scaling of the material.
+
+    Returns
+    -------
+    dict of str to MeasuredQuantity
+        Quantities by name, SI units.
     """
     zone = zone_of(system)
     summed = resultants(zone, step)

@@ -106,14 +106,19 @@ class ApproximateInverse(ABC):
     def prolongation(self, nodes: Indices) -> "Prolongation | None":
         """Return a prolongation of displacements from some nodes to all nodes; None, for that by zeros, by default.
 
-        Among all displacements that agree at the nodes, that of a load on these nodes alone has the least energy. The
-        closer a prolongation is to it, the better the approximate inverse, between prolongation and restriction,
-        approximates the inverse of the compliance restricted to the nodes.
-
         Parameters
         ----------
         nodes : Indices
-            (f,), each once.
+            Numbers of the nodes, (f,), each once.
+
+        Returns
+        -------
+        Prolongation or None
+            The prolongation. None if there is none better than that by zeros.
+
+        Notes ----- Among all displacements that agree at the nodes, that of a load on these nodes alone has the least
+        energy. The closer a prolongation is to it, the better the approximate inverse, between prolongation and
+        restriction, approximates the inverse of the compliance restricted to the nodes.
         """
         return None
 
@@ -194,7 +199,18 @@ class LatticeStencil(ABC):
 
     @abstractmethod
     def stencil(self, radius: int) -> "Stencil | None":
-        """Return the responses up to `radius` places away; None if the lattice is smaller than that."""
+        """Return the responses of nodes to loads on the nodes around them.
+
+        Parameters
+        ----------
+        radius : int
+            Largest offset r along each axis, in places of the lattice.
+
+        Returns
+        -------
+        Stencil or None
+            Responses up to this offset. None if the lattice is smaller than that.
+        """
 
 
 class Restriction(ABC):
@@ -277,6 +293,11 @@ class InteriorFields(ABC):
         progress : callable, optional
             Function that receives the stage `INTERIOR_STAGE` and the fraction of the points that is done.
 
+        Returns
+        -------
+        PointFields
+            Fields at the m points, in SI units and global axes.
+
         Raises
         ------
         CaseError
@@ -290,13 +311,13 @@ class PointFields:
 
     Attributes
     ----------
-    points
+    points : Array
         (m, 3) [m].
-    values
+    values : Array
         (m, f) displacements and potentials; unlike in a displacement of `ReducedSystem`, potentials are not negated.
-    gradients
+    gradients : Array
         (m, f, 3) derivatives of the values with respect to the position.
-    fluxes
+    fluxes : Array
         (m, 3, f) stress and flux densities: entry (i, J) is the component i of the flux of field J. Columns 0 to 2 are
         the stress, the others the electric displacement D, the magnetic flux density B and fluxes of further fields.
     """
@@ -332,10 +353,10 @@ class PointFields:
 
         Parameters
         ----------
-        moduli
-            Thermal moduli (3, N_FIELDS) [SI].
-        column
-            Column of the temperature.
+        moduli : Array
+            Thermal moduli, (3, N_FIELDS), SI units.
+        column : int
+            Column of the temperature among the fields.
 
         Returns
         -------
@@ -353,11 +374,11 @@ class Coarsening:
 
     Attributes
     ----------
-    system
+    system : ReducedSystem
         The coarser system, with m nodes.
-    nodes
+    nodes : Indices
         (m,) nodes of the finer system that are the nodes of the coarser one, in its order.
-    prolong
+    prolong : callable
         Values (n, k) at the nodes of the finer system from values (m, k).
     """
 
@@ -372,9 +393,9 @@ class Subsystem:
 
     Attributes
     ----------
-    system
+    system : ReducedSystem
         The system on the part, with m nodes.
-    nodes
+    nodes : Indices
         (m,) nodes of the whole zone that are the nodes of the part, in its order.
     """
 
@@ -388,11 +409,11 @@ class Stencil:
 
     Attributes
     ----------
-    lattice
+    lattice : Indices
         (nx, ny), node at each place.
-    periodic
+    periodic : bool
         True if the lattice repeats itself.
-    responses
+    responses : Array
         (2 r + 1, 2 r + 1, f, f): entry [r + i, r + j] is the displacement of a node due to the load on the node that
         lies (i, j) places before it.
     """
@@ -408,9 +429,9 @@ class EdgeCorrection:
 
     Attributes
     ----------
-    extra_compliance
+    extra_compliance : Array
         (n, f, f) addition to the diagonal blocks, with positive semidefinite symmetric parts.
-    area_fraction
+    area_fraction : Array
         (n,) fraction of the area of each node that is in contact, in [0, 1]; also positive at nodes just outside.
     """
 
@@ -424,11 +445,11 @@ class IndenterEdge:
 
     Attributes
     ----------
-    distance
+    distance : Array
         (n,) [m] from the edge, positive under the indenter and negative outside; inf or -inf far away.
-    outward
+    outward : Array
         (n, 2) direction across the edge in the local frame, zero far away.
-    gap
+    gap : Array
         (n,) [m] between the body and the continued surface of the indenter at nodes just outside, inf elsewhere.
     """
 
@@ -498,7 +519,7 @@ def rescale_inverse(inverse: Callable[[Array], Array], before: Array, after: Arr
 
     Parameters
     ----------
-    inverse
+    inverse : callable
         Approximate inverse of the other compliance.
     before, after : (n, k) arrays
         Diagonals of the other compliance and of the new one.

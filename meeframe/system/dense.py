@@ -40,7 +40,18 @@ class DenseSystem(ReducedSystem):
     edges: EdgeResolution | None = None
 
     def capability(self, kind: type[C]) -> C | None:
-        """Return the capability to evaluate fields inside the body, or to resolve edges, if there is one."""
+        """Return the capability to evaluate fields inside the body, or to resolve edges, if there is one.
+
+        Parameters
+        ----------
+        kind : type
+            Class of the capability.
+
+        Returns
+        -------
+        object or None
+            An object of this class.
+        """
         if isinstance(self.interior, kind):
             return self.interior
         return self.edges if kind is EdgeResolution and isinstance(self.edges, kind) else super().capability(kind)
@@ -132,9 +143,11 @@ def in_local_frames(
     ----------
     points, frames, weights, cells
         As in `ReducedSystem`.
-    offset, compliance : (n, f) and (n, f, n, f) arrays
-        Of the extended displacement, potentials not negated.
-    fields
+    offset : Array
+        Extended displacement at zero traction, (n, f), SI units, potentials not negated.
+    compliance : Array
+        Extended displacement (node, field) due to an extended traction (node, field), (n, f, n, f), SI units.
+    fields : callable
         Function that returns the fields on the whole boundary for extended tractions (n, f) in global axes.
 
     Returns

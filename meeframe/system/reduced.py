@@ -15,7 +15,7 @@ Progress = Callable[[str, float], None]
 
 
 def silent(_stage: str, _fraction: float) -> None:
-    """Report no progress."""
+    """Report no progress; the default of arguments of the type `Progress`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +24,13 @@ class NodalFields:
 
     Attributes
     ----------
-    points
+    points : Array
         (p, 3) [m]; points are repeated where tractions are discontinuous.
-    cells
+    cells : Cells
         Pairs of a meshio cell type and its connectivity, numbers into `points`.
-    values
+    values : Array
         (p, f) extended displacement.
-    fluxes
+    fluxes : Array
         (p, f) extended traction on the outward normal.
     """
 
@@ -55,15 +55,15 @@ class ReducedSystem(ABC):
 
     Attributes
     ----------
-    points
+    points : Array
         (n, 3) node coordinates [m].
-    frames
+    frames : Array
         (n, 3, 3) local frames, rows e1, e2, nu, right-handed, nu outward.
-    weights
+    weights : Array
         (n,) integration weights [m^2]: the resultant of nodal densities is sum(weights * densities).
-    cells
+    cells : Cells
         Pairs of a meshio cell type and its connectivity, numbers into `points`.
-    offset
+    offset : Array
         (n, f) displacement at zero load, due to the prescribed boundary data.
     """
 
@@ -95,7 +95,7 @@ class ReducedSystem(ABC):
 
     @abstractmethod
     def diagonal_blocks(self) -> Array:
-        """Return the response of each node to its own load, (n, f, f).
+        """Return the response of each node to its own load.
 
         Returns
         -------

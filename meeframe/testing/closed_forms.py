@@ -38,28 +38,93 @@ class Shape(ABC):
 
     @abstractmethod
     def contact_radius(self, approach: float) -> float:
-        """Return the radius a [m] for which an uncharged indenter has no singularity at the contact edge."""
+        """Return the radius for which an uncharged indenter has no singularity at the contact edge.
+
+        Parameters
+        ----------
+        approach : float
+            Approach g [m].
+
+        Returns
+        -------
+        float
+            Contact radius a [m].
+        """
 
     @abstractmethod
     def flat_approach(self, a: float) -> float:
-        """Return the approach [m] due to the bounded density; the remainder acts like that of a flat punch."""
+        """Return the approach due to the bounded density; the remainder acts like that of a flat punch.
+
+        Parameters
+        ----------
+        a : float
+            Contact radius [m].
+
+        Returns
+        -------
+        float
+            Approach [m].
+        """
 
     @abstractmethod
     def density(self, r: Array, a: float) -> Array:
-        """Return the bounded density on r < a whose potential is (flat approach - height) inside."""
+        """Return the bounded density whose potential inside is the flat approach minus the height.
+
+        Parameters
+        ----------
+        r : Array
+            Radii < a, (n,) [m].
+        a : float
+            Contact radius [m].
+
+        Returns
+        -------
+        Array
+            Dimensionless densities, (n,).
+        """
 
     @abstractmethod
     def potential(self, r: Array, a: float) -> Array:
-        """Return the integral of density/|x - y| over the disc, for all r >= 0."""
+        """Return the integral of density/|x - y| over the disc.
+
+        Parameters
+        ----------
+        r : Array
+            Radii >= 0, (n,) [m].
+        a : float
+            Contact radius [m].
+
+        Returns
+        -------
+        Array
+            Potentials, (n,) [m].
+        """
 
     @abstractmethod
     def total(self, a: float) -> float:
-        """Return the integral of the density over the disc."""
+        """Return the integral of the density over the disc.
+
+        Parameters
+        ----------
+        a : float
+            Contact radius [m].
+
+        Returns
+        -------
+        float
+            The integral [m^2].
+        """
 
 
 @dataclass(frozen=True)
 class FlatPunch(Shape):
-    """A flat-ended cylinder of given radius [m]."""
+    """A flat-ended cylinder.
+
+    Attributes
+    ----------
+    radius : float
+        Radius [m].
+    """
 
     radius: float
 
@@ -86,7 +151,13 @@ class FlatPunch(Shape):
 
 @dataclass(frozen=True)
 class Sphere(Shape):
-    """A paraboloid r^2/(2 R), the sphere of small contacts, of radius R [m]."""
+    """A paraboloid r^2/(2 R), the sphere of small contacts.
+
+    Attributes
+    ----------
+    radius : float
+        Radius R [m].
+    """
 
     radius: float
 
@@ -115,7 +186,13 @@ class Sphere(Shape):
 
 @dataclass(frozen=True)
 class Cone(Shape):
-    """A cone of height r tan(angle), with the angle [rad] between its side and the surface."""
+    """A cone of height r tan(angle).
+
+    Attributes
+    ----------
+    angle : float
+        Angle between its side and the surface [rad].
+    """
 
     angle: float
 
@@ -149,15 +226,15 @@ class Indentation:
 
     Attributes
     ----------
-    xi
+    xi : Array
         Point-source response, (3, 3).
-    shape
+    shape : Shape
         Shape of the indenter.
-    contact_radius
+    contact_radius : float
         Contact radius [m].
-    shift
+    shift : float
         Contribution of the potentials to the approach that determines the contact radius [m].
-    edge, bounded
+    edge, bounded : Array
         Amplitudes (3,) of the singular and the bounded density in the outward extended tractions (t3, q, s).
 
     Notes
@@ -191,27 +268,93 @@ class Indentation:
         return self._total(_MAGNETIC)
 
     def pressure(self, r: Array) -> Array:
-        """Return the contact pressure p = -t3 >= 0 [Pa], zero outside the contact."""
+        """Return the contact pressure p = -t3.
+
+        Parameters
+        ----------
+        r : Array
+            Radii, (n,) [m].
+
+        Returns
+        -------
+        Array
+            Pressures, (n,) >= 0 [Pa], zero outside the contact.
+        """
         return -self._density(r)[:, _NORMAL]
 
     def electric_flux(self, r: Array) -> Array:
-        """Return the outward electric flux q = D.nu [C/m^2], zero outside the contact."""
+        """Return the outward electric flux q = D.nu.
+
+        Parameters
+        ----------
+        r : Array
+            Radii, (n,) [m].
+
+        Returns
+        -------
+        Array
+            Fluxes, (n,) [C/m^2], zero outside the contact.
+        """
         return self._density(r)[:, _ELECTRIC]
 
     def magnetic_flux_density(self, r: Array) -> Array:
-        """Return the outward magnetic flux density s = B.nu [Wb/m^2], zero outside the contact."""
+        """Return the outward magnetic flux density s = B.nu.
+
+        Parameters
+        ----------
+        r : Array
+            Radii, (n,) [m].
+
+        Returns
+        -------
+        Array
+            Flux densities, (n,) [Wb/m^2], zero outside the contact.
+        """
         return self._density(r)[:, _MAGNETIC]
 
     def displacement(self, r: Array) -> Array:
-        """Return the normal surface displacement u3 [m], negative where the surface is pressed in."""
+        """Return the normal displacement u3 of the surface.
+
+        Parameters
+        ----------
+        r : Array
+            Radii, (n,) [m].
+
+        Returns
+        -------
+        Array
+            Displacements, (n,) [m], negative where the surface is pressed in.
+        """
         return self._values(r)[:, _NORMAL]
 
     def electric_potential(self, r: Array) -> Array:
-        """Return the electric potential phi of the surface [V]."""
+        """Return the electric potential phi of the surface.
+
+        Parameters
+        ----------
+        r : Array
+            Radii, (n,) [m].
+
+        Returns
+        -------
+        Array
+            Potentials, (n,) [V].
+        """
         return self._values(r)[:, _ELECTRIC]
 
     def magnetic_potential(self, r: Array) -> Array:
-        """Return the magnetic potential psi of the surface [A]."""
+        """Return the magnetic potential psi of the surface.
+
+        Parameters
+        ----------
+        r : Array
+            Radii, (n,) [m].
+
+        Returns
+        -------
+        Array
+            Potentials, (n,) [A].
+        """
         return self._values(r)[:, _MAGNETIC]
 
     def _total(self, field: int) -> float:
@@ -249,14 +392,19 @@ def indent(
 
     Parameters
     ----------
-    xi
+    xi : Array
         Point-source response (3, 3) in SI units.
-    shape
+    shape : Shape
         Shape of the indenter.
-    approach
+    approach : float
         Approach > 0 [m].
-    electric_potential, magnetic_potential
+    electric_potential, magnetic_potential : float, optional
         Potentials of a conducting indenter [V], [A]; None if it insulates (EMII: None, None).
+
+    Returns
+    -------
+    Indentation
+        The indentation.
 
     Raises
     ------

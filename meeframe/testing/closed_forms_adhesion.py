@@ -24,13 +24,13 @@ class Maugis:
 
     Attributes
     ----------
-    radius
+    radius : float
         Radius of the paraboloid [m].
-    modulus
+    modulus : float
         Plane-strain modulus E* [Pa].
-    work
+    work : float
         Work of adhesion [J/m^2].
-    stress
+    stress : float
         Attraction [Pa].
 
     References
@@ -64,7 +64,22 @@ class Maugis:
         return float(2.0 * self.stress * (self.radius / (np.pi * self.work * self._stiffness**2)) ** (1.0 / 3.0))
 
     def at(self, contact_radius: float) -> tuple[float, float, float]:
-        """Return (outer radius of the attraction [m], force [N], approach [m]) at a contact radius > 0 [m]."""
+        """Return the state at a contact radius.
+
+        Parameters
+        ----------
+        contact_radius : float
+            Contact radius > 0 [m].
+
+        Returns
+        -------
+        float
+            Outer radius of the attraction [m].
+        float
+            Force [N].
+        float
+            Approach [m].
+        """
         lam, a = self.transition, contact_radius / self.contact_unit
 
         def opening(m: float) -> float:
@@ -92,13 +107,13 @@ def bradley_force(work: float, radius: float, distance: float, range_: float) ->
 
     Parameters
     ----------
-    work
+    work : float
         Work of adhesion w [J/m^2].
-    radius
+    radius : float
         Radius of the paraboloid [m].
-    distance
+    distance : float
         Distance [m].
-    range_
+    range_ : float
         Range z_0 [m] of the attraction sigma = 2 w / z_0 (1 + g / z_0)^-3.
 
     References
@@ -109,7 +124,26 @@ def bradley_force(work: float, radius: float, distance: float, range_: float) ->
 
 
 def hertz_gap(r: Array, contact_radius: float, radius: float) -> Array:
-    """Return the gap (n,) [m] outside a Hertzian contact, r >= contact_radius [m] (Johnson (1985), section 4.2)."""
+    """Return the gap outside a Hertzian contact.
+
+    Parameters
+    ----------
+    r : Array
+        Radii >= contact_radius, (n,) [m].
+    contact_radius : float
+        Contact radius [m].
+    radius : float
+        Radius of the sphere [m].
+
+    Returns
+    -------
+    Array
+        Gaps, (n,) [m].
+
+    References
+    ----------
+    Johnson (1985), section 4.2.
+    """
     m = np.maximum(np.asarray(r, float) / contact_radius, 1.0)
     root = np.sqrt(m * m - 1.0)
     return np.asarray(contact_radius**2 / (np.pi * radius) * (root + (m * m - 2.0) * np.arctan(root)))
@@ -122,13 +156,13 @@ def weak_attraction(
 
     Parameters
     ----------
-    sigma
+    sigma : callable
         Attraction [Pa] as a function of the gap [m].
-    contact_radius
+    contact_radius : float
         Contact radius [m].
-    radius
+    radius : float
         Radius of the paraboloid [m].
-    outer_radius
+    outer_radius : float
         Radius up to which the attraction is integrated [m].
 
     Notes
@@ -153,12 +187,17 @@ def quarter_half_space(modulus: float, half_side: float, cells: int) -> DenseSys
 
     Parameters
     ----------
-    modulus
+    modulus : float
         Modulus E* of the normal response [Pa].
-    half_side
+    half_side : float
         Side of the quarter 0 < x, y < half_side [m].
-    cells
+    cells : int
         Number of cells along a side.
+
+    Returns
+    -------
+    DenseSystem
+        The system of cells^2 nodes.
     """
     side = half_side / cells
     centres = (np.arange(cells) + 0.5) * side

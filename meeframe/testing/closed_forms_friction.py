@@ -27,12 +27,38 @@ _UPPER_LIMIT: Final = 40.0
 
 
 def shear_modulus(young: float, poisson: float) -> float:
-    """Return the shear modulus G [Pa]."""
+    """Return the shear modulus G.
+
+    Parameters
+    ----------
+    young : float
+        Young's modulus [Pa].
+    poisson : float
+        Poisson's ratio.
+
+    Returns
+    -------
+    float
+        Shear modulus [Pa].
+    """
     return young / (2.0 * (1.0 + poisson))
 
 
 def contact_modulus(young: float, poisson: float) -> float:
-    """Return the plane-strain modulus E* [Pa] of a body in contact with a rigid indenter."""
+    """Return the plane-strain modulus E* of a body in contact with a rigid indenter.
+
+    Parameters
+    ----------
+    young : float
+        Young's modulus [Pa].
+    poisson : float
+        Poisson's ratio.
+
+    Returns
+    -------
+    float
+        Modulus [Pa].
+    """
     return young / (1.0 - poisson**2)
 
 
@@ -41,8 +67,13 @@ def bonding_factor(poisson: float) -> float:
 
     Parameters
     ----------
-    poisson
+    poisson : float
         Poisson's ratio in (-1, 1/2]; c = 1 at 1/2.
+
+    Returns
+    -------
+    float
+        The ratio, >= 1.
 
     Notes
     -----
@@ -64,13 +95,13 @@ class HertzContact:
 
     Attributes
     ----------
-    young
+    young : float
         Young's modulus [Pa].
-    poisson
+    poisson : float
         Poisson's ratio.
-    radius
+    radius : float
         Radius of the sphere [m].
-    approach
+    approach : float
         Approach > 0 [m].
     """
 
@@ -95,7 +126,18 @@ class HertzContact:
         return 3.0 * self.force / (2.0 * np.pi * self.contact_radius**2)
 
     def pressure(self, r: Array) -> Array:
-        """Return p_0 sqrt(1 - r^2/a^2) [Pa], zero outside the contact."""
+        """Return the pressure p_0 sqrt(1 - r^2/a^2).
+
+        Parameters
+        ----------
+        r : Array
+            Radii, (n,) [m].
+
+        Returns
+        -------
+        Array
+            Pressures, (n,) >= 0 [Pa], zero outside the contact.
+        """
         return self.peak_pressure * _dome(r, self.contact_radius)
 
 
@@ -110,9 +152,9 @@ class PartialSlip:
 
     Attributes
     ----------
-    hertz
+    hertz : HertzContact
         The normal contact.
-    friction
+    friction : float
         Coefficient of friction mu > 0.
 
     References
@@ -135,36 +177,156 @@ class PartialSlip:
         return 3.0 * self.limit_force * (2.0 - self.hertz.poisson) / (16.0 * shear * self.hertz.contact_radius)
 
     def displacement(self, force: float) -> float:
-        """Return the displacement of the indenter [m] on first loading to a tangential force [N] >= 0 (Johnson, eq.
+        """Return the displacement of the indenter on first loading.
 
-        7.42).
+        Parameters
+        ----------
+        force : float
+            Tangential force >= 0 [N].
+
+        Returns
+        -------
+        float
+            Displacement [m].
+
+        Raises
+        ------
+        MeeframeError
+            If the force exceeds the limit.
+
+        References
+        ----------
+        Johnson (1985), eq. (7.42).
         """
         return self.limit_displacement * float(1.0 - (1.0 - self._share(force, self.limit_force)) ** (2 / 3))
 
     def force(self, displacement: float) -> float:
-        """Return the tangential force [N] on first loading to a displacement [m] >= 0."""
+        """Return the tangential force on first loading.
+
+        Parameters
+        ----------
+        displacement : float
+            Displacement of the indenter >= 0 [m].
+
+        Returns
+        -------
+        float
+            Tangential force [N].
+
+        Raises
+        ------
+        MeeframeError
+            If the displacement exceeds the limit.
+        """
         return self.limit_force * float(1.0 - (1.0 - self._share(displacement, self.limit_displacement)) ** 1.5)
 
     def stick_radius(self, force: float) -> float:
-        """Return the stick radius c = a (1 - Q/(mu P))^(1/3) [m] on first loading."""
+        """Return the stick radius c = a (1 - Q/(mu P))^(1/3) on first loading.
+
+        Parameters
+        ----------
+        force : float
+            Tangential force Q >= 0 [N].
+
+        Returns
+        -------
+        float
+            Stick radius [m].
+
+        Raises
+        ------
+        MeeframeError
+            If the force exceeds the limit.
+        """
         return self.hertz.contact_radius * float((1.0 - self._share(force, self.limit_force)) ** (1 / 3))
 
     def traction(self, r: Array, force: float) -> Array:
-        """Return the tangential traction [Pa] along the force at radii r (n,) [m] on first loading."""
+        """Return the tangential traction on first loading.
+
+        Parameters
+        ----------
+        r : Array
+            Radii, (n,) [m].
+        force : float
+            Tangential force >= 0 [N].
+
+        Returns
+        -------
+        Array
+            Tractions along the force, (n,) [Pa].
+
+        Raises
+        ------
+        MeeframeError
+            If the force exceeds the limit.
+        """
         a, c = self.hertz.contact_radius, self.stick_radius(force)
         return self.friction * self.hertz.peak_pressure * (_dome(r, a) - c / a * _dome(r, c))
 
     def force_after_reversal(self, displacement: float, amplitude: float) -> float:
-        """Return the tangential force [N] after a reversal at the displacement `amplitude` [m] > 0."""
+        """Return the tangential force after a reversal.
+
+        Parameters
+        ----------
+        displacement : float
+            Displacement of the indenter [m], from -amplitude to amplitude.
+        amplitude : float
+            Displacement > 0 at the reversal [m].
+
+        Returns
+        -------
+        float
+            Tangential force [N].
+
+        Raises
+        ------
+        MeeframeError
+            If a displacement is out of bounds.
+        """
         return self.force(amplitude) - 2.0 * self.force((amplitude - displacement) / 2.0)
 
     def traction_after_reversal(self, r: Array, displacement: float, amplitude: float) -> Array:
-        """Return the tangential traction [Pa] after a reversal at the displacement `amplitude` [m] > 0."""
+        """Return the tangential traction after a reversal.
+
+        Parameters
+        ----------
+        r : Array
+            Radii, (n,) [m].
+        displacement : float
+            Displacement of the indenter [m], from -amplitude to amplitude.
+        amplitude : float
+            Displacement > 0 at the reversal [m].
+
+        Returns
+        -------
+        Array
+            Tractions along the first force, (n,) [Pa].
+
+        Raises
+        ------
+        MeeframeError
+            If a displacement is out of bounds.
+        """
         reversal = self.force((amplitude - displacement) / 2.0)
         return self.traction(r, self.force(amplitude)) - 2.0 * self.traction(r, reversal)
 
     def loop_dissipation(self, force: float) -> float:
-        """Return the work of friction [J] in a full loop between the tangential forces -force and +force [N].
+        """Return the work of friction in a full loop between two opposite tangential forces.
+
+        Parameters
+        ----------
+        force : float
+            Modulus of the tangential forces [N].
+
+        Returns
+        -------
+        float
+            Work [J].
+
+        Raises
+        ------
+        MeeframeError
+            If the force exceeds the limit.
 
         References
         ----------
@@ -188,11 +350,11 @@ class FullStick:
 
     Attributes
     ----------
-    young, poisson
+    young, poisson : float
         Young's modulus [Pa] and Poisson's ratio.
-    power
+    power : float
         1 (cone, coefficient tan(angle)), 2 (sphere, coefficient 1/(2 R)) or any other positive number.
-    coefficient
+    coefficient : float
         Coefficient of the shape.
 
     Notes
@@ -221,23 +383,66 @@ class FullStick:
         return self.coefficient / (1.0 - p * moment)
 
     def contact_radius(self, approach: float) -> float:
-        """Return the contact radius a [m] at an approach [m]."""
+        """Return the contact radius a.
+
+        Parameters
+        ----------
+        approach : float
+            Approach [m].
+
+        Returns
+        -------
+        float
+            Contact radius [m].
+        """
         return float((approach / self.approach_factor) ** (1.0 / self.power))
 
     def stiffness(self, approach: float) -> float:
-        """Return the stiffness dP/dg = 2 c E* a [N/m]."""
+        """Return the stiffness dP/dg = 2 c E* a.
+
+        Parameters
+        ----------
+        approach : float
+            Approach g [m].
+
+        Returns
+        -------
+        float
+            Stiffness [N/m].
+        """
         modulus = bonding_factor(self.poisson) * contact_modulus(self.young, self.poisson)
         return 2.0 * modulus * self.contact_radius(approach)
 
     def force(self, approach: float) -> float:
-        """Return the force P [N], the integral of the stiffness, proportional to g^(1/power), over the approach [m]."""
+        """Return the force P, the integral of the stiffness, proportional to g^(1/power), over the approach.
+
+        Parameters
+        ----------
+        approach : float
+            Approach g [m].
+
+        Returns
+        -------
+        float
+            Force [N], positive in compression.
+        """
         return self.stiffness(approach) * approach * self.power / (self.power + 1.0)
 
 
 def outside_bonded_punch(r: float, poisson: float) -> float:
-    """Return W(r), r >= 1: normal displacement outside a bonded flat punch of unit radius and displacement.
+    """Return the normal displacement W(r) outside a bonded flat punch of unit radius and displacement.
 
-    See the notes of `FullStick`.
+    Parameters
+    ----------
+    r : float
+        Radius >= 1, relative to that of the punch.
+    poisson : float
+        Poisson's ratio.
+
+    Returns
+    -------
+    float
+        Displacement relative to that of the punch; see the notes of `FullStick`.
     """
     return _bonded_transform(poisson, lambda _, complement: float((r**2 - 1.0 + complement) ** -0.5))
 
@@ -267,9 +472,9 @@ class SphereTorsion:
 
     Attributes
     ----------
-    hertz
+    hertz : HertzContact
         The normal contact.
-    friction
+    friction : float
         Coefficient of friction mu > 0; inf for full stick.
 
     Notes
@@ -292,22 +497,68 @@ class SphereTorsion:
         return 3.0 * np.pi / 16.0 * self.friction * self.hertz.force * self.hertz.contact_radius
 
     def twist(self, stick_share: float) -> float:
-        """Return the twist (mu p_0/(2 G)) (K - E)(1 - k^2) [rad] for the relative stick radius k = c/a in (0, 1]."""
+        """Return the twist (mu p_0/(2 G)) (K - E)(1 - k^2) at a stick radius.
+
+        Parameters
+        ----------
+        stick_share : float
+            Relative stick radius k = c/a in (0, 1].
+
+        Returns
+        -------
+        float
+            Twist [rad].
+        """
         return self._unit_twist * float(ellipkm1(stick_share**2) - ellipe(1.0 - stick_share**2))
 
     def stick_share(self, twist: float) -> float:
-        """Return the relative stick radius k = c/a at a twist [rad] >= 0."""
+        """Return the relative stick radius k = c/a.
+
+        Parameters
+        ----------
+        twist : float
+            Twist >= 0 [rad].
+
+        Returns
+        -------
+        float
+            Relative stick radius in (0, 1].
+        """
         return float(brentq(lambda k: self.twist(k) - twist, 1e-12, 1.0, xtol=1e-14))
 
     def torque(self, twist: float) -> float:
-        """Return the torque [N m] at a twist [rad] >= 0 from rest."""
+        """Return the torque of a twist from rest.
+
+        Parameters
+        ----------
+        twist : float
+            Twist >= 0 [rad].
+
+        Returns
+        -------
+        float
+            Torque on the body [N m].
+        """
         if np.isinf(self.friction):
             return self.initial_stiffness * twist
         discs, _ = quad(lambda s: s**2 * ellipe(1.0 - s**2), self.stick_share(twist), 1.0, epsabs=0, epsrel=1e-11)
         return float(self.initial_stiffness * self._unit_twist * discs)
 
     def traction(self, r: Array, twist: float) -> Array:
-        """Return the traction [Pa] along the circles at radii r (n,) [m], zero outside the contact."""
+        """Return the traction along the circles about the axis.
+
+        Parameters
+        ----------
+        r : Array
+            Radii, (n,) [m].
+        twist : float
+            Twist >= 0 [rad].
+
+        Returns
+        -------
+        Array
+            Tractions, (n,) [Pa], zero outside the contact.
+        """
         a = self.hertz.contact_radius
         k = self.stick_share(twist)
         traction = self.friction * self.hertz.pressure(r)

@@ -34,13 +34,13 @@ def check_conductivity_law(
 
     Parameters
     ----------
-    law
+    law : ConductivityLaw
         The conductivity law.
-    pressure, gap, drop
+    pressure, gap, drop : float, optional
         Typical magnitudes of the random states [Pa], [m], [V] or [A].
-    seed
+    seed : int, optional
         Seed of the random states.
-    rectifies
+    rectifies : bool, optional
         Whether the conductivity may depend on the sign of the drop.
 
     Raises

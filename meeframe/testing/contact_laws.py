@@ -42,15 +42,15 @@ def check_contact_law(
 
     Parameters
     ----------
-    law
+    law : ContactLaw
         The contact law.
-    pressure, gap, duration
+    pressure, gap, duration : float, optional
         Typical magnitudes of the random states [Pa], [m], [s]. Simple states found by hypothesis are checked, too.
-    seed
+    seed : int, optional
         Seed of the random states.
-    reference
+    reference : ContactLaw, optional
         A law that must agree in everything but the derivatives, such as a plain version of a compiled law.
-    extent
+    extent : float, optional
         Half width of the surface [m].
 
     Raises

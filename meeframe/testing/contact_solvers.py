@@ -71,13 +71,13 @@ def check_solver(
 
     Parameters
     ----------
-    solver
+    solver : Solver
         The solver.
-    stopping
+    stopping : StoppingCriteria, optional
         Stopping criteria.
-    friction
+    friction : bool, optional
         False for a solver of frictionless contact of rigid surfaces only.
-    conduction
+    conduction : bool, optional
         False for a solver of insulating contact only.
 
     Raises

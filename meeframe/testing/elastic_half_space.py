@@ -25,17 +25,22 @@ def elastic_half_space(young: float, poisson: float, side: float, cells: int, go
 
     Parameters
     ----------
-    young
+    young : float
         Young's modulus > 0 [Pa].
-    poisson
+    poisson : float
         Poisson's ratio in (-1, 1/2]; at 1/2 normal and tangential loads are uncoupled.
-    side
+    side : float
         Side of the square |x|, |y| < side/2 [m].
-    cells
+    cells : int
         Number of cells along a side.
-    goodman
+    goodman : bool, optional
         Whether to neglect normal displacements due to tangential loads and vice versa (Goodman, J. Appl. Mech. 29
         (1962) 515).
+
+    Returns
+    -------
+    DenseSystem
+        The system of cells^2 nodes.
 
     Raises
     ------
@@ -67,11 +72,11 @@ def cell_response(young: float, poisson: float, x: Array, y: Array, half: float)
 
     Parameters
     ----------
-    young, poisson
+    young, poisson : float
         Elastic constants, Young's modulus in Pa.
-    x, y
+    x, y : Array
         Coordinates of the points relative to the centre of the cell [m].
-    half
+    half : float
         Half the side of the cell [m].
 
     Returns

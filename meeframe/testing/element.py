@@ -23,9 +23,9 @@ def check_element(element: SurfaceElement, seed: int = 0) -> None:
 
     Parameters
     ----------
-    element
+    element : SurfaceElement
         The element.
-    seed
+    seed : int, optional
         Seed of the random points.
 
     Raises

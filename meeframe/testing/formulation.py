@@ -272,12 +272,12 @@ def check_indentation(formulation: Formulation, body: Body | None = None, tolera
 
     Parameters
     ----------
-    formulation
+    formulation : Formulation
         The formulation.
-    body
+    body : Body, optional
         Body that is transversely isotropic about x3, with a flat zone in x3 = 0 about the origin, 5 mm wide, and large
         compared with it; by default a block.
-    tolerance
+    tolerance : float, optional
         Relative tolerance of the force.
     """
     body = body or _block()

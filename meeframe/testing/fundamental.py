@@ -33,13 +33,13 @@ def check_fundamental_solution(
 
     Parameters
     ----------
-    solution
+    solution : FundamentalSolution
         The fundamental solution.
-    stiffness
+    stiffness : Array
         Scaled stiffness C'_iJKm, (3, 5, 5, 3).
-    displacement_tolerance, traction_tolerance
+    displacement_tolerance, traction_tolerance : float, optional
         Tolerances relative to the largest entry of U and of T at a point.
-    seed
+    seed : int, optional
         Seed of the random directions.
 
     Raises

@@ -23,15 +23,20 @@ def half_space_system(xi: Array, side: float, cells: int, offset: Array | None =
 
     Parameters
     ----------
-    xi
+    xi : Array
         Point-source response u_J = xi_JK t_K / r, (5, 5) over (u1, u2, u3, phi, psi), or (3, 3) over (u3, phi, psi)
         without tangential response.
-    side
+    side : float
         Side of the square |x|, |y| < side/2 [m].
-    cells
+    cells : int
         Number of cells along a side.
-    offset
+    offset : Array, optional
         Offset (n, 5) as in ReducedSystem; zero by default.
+
+    Returns
+    -------
+    DenseSystem
+        The system of n = cells^2 nodes.
     """
     full = np.zeros((5, 5))
     full[-len(xi) :, -len(xi) :] = xi
@@ -54,20 +59,25 @@ def indentation_problem(
 
     Parameters
     ----------
-    system
-        The reduced system.
-    height
-        Height (n,) of the indenter above its lowest point [m].
-    approach
+    system : ReducedSystem
+        The reduced system, of n nodes.
+    height : Array
+        Height of the indenter above its lowest point, (n,) [m].
+    approach : float
         Approach [m].
-    contact_law
+    contact_law : ContactLaw, optional
         Contact law; by default Signorini.
-    conductivity
-        Conductivity of the electric and magnetic step law.
-    potentials
-        Potentials of the indenter [V], [A].
-    translation
-        Tangential displacement of the indenter [m].
+    conductivity : tuple of float, optional
+        Conductivities of the electric and the magnetic step law [F/m^2], [H/m^2].
+    potentials : tuple of float, optional
+        Electric and magnetic potential of the indenter [V], [A].
+    translation : tuple of float, optional
+        Tangential displacement of the indenter along e1 and e2 [m].
+
+    Returns
+    -------
+    ContactProblem
+        The problem.
     """
     n = len(height)
     return ContactProblem(
@@ -81,7 +91,20 @@ def indentation_problem(
 
 
 def inverse_distance_integral(x: Array, y: Array, half: float) -> Array:
-    """Return the integral of 1/distance over the square |x'|, |y'| < half, at points (x, y) of its plane [m]."""
+    """Return the integral of 1/distance over the square |x'|, |y'| < half.
+
+    Parameters
+    ----------
+    x, y : Array
+        Coordinates of points in the plane of the square [m].
+    half : float
+        Half the side of the square [m].
+
+    Returns
+    -------
+    Array
+        Integrals [m], of the shape of the coordinates.
+    """
     total = np.zeros(np.broadcast(x, y).shape)
     for sx in (1.0, -1.0):
         for sy in (1.0, -1.0):

@@ -20,11 +20,11 @@ def check_indenter(indenter: Indenter, size: float = 1e-2, seed: int = 0) -> Non
 
     Parameters
     ----------
-    indenter
+    indenter : Indenter
         The indenter.
-    size
+    size : float, optional
         Half width of the square about the axis that is checked [m].
-    seed
+    seed : int, optional
         Seed of the random points.
 
     Raises

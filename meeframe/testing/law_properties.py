@@ -16,11 +16,11 @@ def check_homogeneous(law: ContactLaw, seed: int = 0, gap: float = 1e-6) -> None
 
     Parameters
     ----------
-    law
+    law : ContactLaw
         The contact law.
-    seed
+    seed : int, optional
         Seed of the random states.
-    gap
+    gap : float, optional
         Typical gap [m].
     """
     random, units = np.random.default_rng(seed), Units(1.0, gap)
@@ -40,13 +40,13 @@ def check_associated(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap:
 
     Parameters
     ----------
-    law
+    law : ContactLaw
         The contact law.
-    pressure
+    pressure : float, optional
         Typical pressure [Pa].
-    seed
+    seed : int, optional
         Seed of the random states.
-    gap
+    gap : float, optional
         Typical gap [m].
     """
     resting = rest(law, Units(pressure, gap), np.random.default_rng(seed), STEPS[0])
@@ -69,13 +69,13 @@ def check_monotone(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: f
 
     Parameters
     ----------
-    law
+    law : ContactLaw
         The contact law.
-    pressure
+    pressure : float, optional
         Typical pressure [Pa].
-    seed
+    seed : int, optional
         Seed of the random states.
-    gap
+    gap : float, optional
         Typical gap [m].
     """
     random, units = np.random.default_rng(seed), Units(pressure, gap)
@@ -95,9 +95,9 @@ def check_fading(law: ContactLaw, gap: float = 1e-6) -> None:
 
     Parameters
     ----------
-    law
+    law : ContactLaw
         The contact law.
-    gap
+    gap : float, optional
         Typical gap [m].
     """
     gaps = np.concatenate([[0.0], gap * np.geomspace(1e-6, 1e6, SAMPLES), [np.inf]])
@@ -110,13 +110,13 @@ def check_isotropic(law: ContactLaw, pressure: float = 1e6, seed: int = 0, gap: 
 
     Parameters
     ----------
-    law
+    law : ContactLaw
         The contact law.
-    pressure
+    pressure : float, optional
         Typical pressure [Pa].
-    seed
+    seed : int, optional
         Seed of the random states.
-    gap
+    gap : float, optional
         Typical gap [m].
     """
     random = np.random.default_rng(seed)
@@ -141,17 +141,17 @@ def check_orthotropic(
 
     Parameters
     ----------
-    law
+    law : ContactLaw
         The contact law.
-    mu
+    mu : tuple of float
         Coefficients along the two axes, 0 to inf.
-    angle
+    angle : float, optional
         Angle from e1 to the first principal axis [rad].
-    pressure
+    pressure : float, optional
         Typical pressure [Pa].
-    seed
+    seed : int, optional
         Seed of the random states.
-    gap
+    gap : float, optional
         Typical gap [m].
     """
     random = np.random.default_rng(seed)

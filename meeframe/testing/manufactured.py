@@ -24,11 +24,35 @@ class ExactField(ABC):
 
     @abstractmethod
     def values(self, points: Array) -> Array:
-        """Return the extended displacement (n, f) at points (n, 3)."""
+        """Return the extended displacement.
+
+        Parameters
+        ----------
+        points : Array
+            Positions, (n, 3) [m].
+
+        Returns
+        -------
+        Array
+            Displacement and potentials, (n, f), SI units; potentials are not negated.
+        """
 
     @abstractmethod
     def fluxes(self, points: Array, normals: Array) -> Array:
-        """Return the extended traction (n, f) at points (n, 3) with unit normals (n, 3)."""
+        """Return the extended traction.
+
+        Parameters
+        ----------
+        points : Array
+            Positions, (n, 3) [m].
+        normals : Array
+            Unit normals, (n, 3).
+
+        Returns
+        -------
+        Array
+            Tractions and fluxes along the normals, (n, f), SI units.
+        """
 
 
 @final
@@ -38,11 +62,11 @@ class LinearField(ExactField):
 
     Attributes
     ----------
-    stiffness
+    stiffness : Array
         Extended stiffness (3, f, f, 3).
-    gradient
+    gradient : Array
         Gradient (f, 3).
-    constant
+    constant : Array
         Constant (f,).
     """
 
@@ -52,7 +76,22 @@ class LinearField(ExactField):
 
     @classmethod
     def random(cls, stiffness: Array, seed: int, size: float = 1e-3) -> "LinearField":
-        """Return a random field whose scaled gradient and constant have entries of the given size."""
+        """Return a random field.
+
+        Parameters
+        ----------
+        stiffness : Array
+            Extended stiffness, (3, f, f, 3), SI units.
+        seed : int
+            Seed of the random numbers.
+        size : float, optional
+            Standard deviation of the entries of the scaled gradient and constant.
+
+        Returns
+        -------
+        LinearField
+            The field.
+        """
         scaling = FieldScaling.of(stiffness)
         rng = np.random.default_rng(seed)
         n_fields = stiffness.shape[1]
@@ -77,11 +116,11 @@ class PointSourceField(ExactField):
 
     Attributes
     ----------
-    stiffness
+    stiffness : Array
         Extended stiffness (3, 5, 5, 3).
-    position
+    position : Array
         Position (3,) of the source.
-    strength
+    strength : Array
         Strength (5,) in scaled fields.
     """
 
@@ -114,11 +153,11 @@ class ThermalField(ExactField):
 
     Attributes
     ----------
-    material
+    material : Material
         Material with thermal moduli.
-    level
+    level : float
         Temperature at the origin [K].
-    slope
+    slope : Array
         Gradient of the temperature (3,) [K/m].
     """
 
@@ -171,9 +210,9 @@ class HeatSourceField(ExactField):
 
     Attributes
     ----------
-    material
+    material : Material
         Material with thermal moduli.
-    position
+    position : Array
         Position (3,) of the source.
     """
 
@@ -217,12 +256,36 @@ class HeatSourceField(ExactField):
 
 
 def thermal_moduli(material: Material) -> Array:
-    """Return the thermal moduli (3, 5) of a material, zero if it has none."""
+    """Return the thermal moduli of a material.
+
+    Parameters
+    ----------
+    material : Material
+        The material.
+
+    Returns
+    -------
+    Array
+        Moduli, (3, 5), SI units; zero if it has none.
+    """
     return np.zeros((3, N_FIELDS)) if material.thermal_moduli is None else material.thermal_moduli
 
 
 def with_heat(body: Body, material: Material) -> Body:
-    """Return a body with the fields and thermal moduli of a material."""
+    """Return a body with the fields and thermal moduli of a material.
+
+    Parameters
+    ----------
+    body : Body
+        The body.
+    material : Material
+        The material.
+
+    Returns
+    -------
+    Body
+        The body with heat.
+    """
     return replace(body, fields=material.fields, thermal_moduli=material.thermal_moduli)
 
 
@@ -231,16 +294,21 @@ def prescribe(mesh: SurfaceMesh, field: ExactField, stiffness: Array, kinds: Map
 
     Parameters
     ----------
-    mesh
+    mesh : SurfaceMesh
         Surface mesh.
-    field
+    field : ExactField
         The solution.
-    stiffness
+    stiffness : Array
         Extended stiffness (3, 5, 5, 3).
-    kinds
+    kinds : dict of str to str
         Five letters for each face group, one for each field: 'v' prescribes the value, 'f' the flux. Normals are
         averaged over the elements of the group at each point, so that a group with prescribed fluxes must not contain
         edges.
+
+    Returns
+    -------
+    Body
+        The body, without a contact zone.
     """
     conditions = []
     for name, letters in kinds.items():
@@ -255,7 +323,21 @@ def prescribe(mesh: SurfaceMesh, field: ExactField, stiffness: Array, kinds: Map
 def relative_errors(mesh: SurfaceMesh, field: ExactField, computed: NodalFields) -> tuple[float, float]:
     """Return the root mean square errors of values and fluxes over the boundary nodes.
 
-    Each is that of the worst field, relative to the size of the exact field.
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+        Surface mesh.
+    field : ExactField
+        The exact field.
+    computed : NodalFields
+        The computed fields on the boundary.
+
+    Returns
+    -------
+    float
+        Error of the values in the worst field, relative to the size of the exact field.
+    float
+        Error of the fluxes, likewise.
     """
     normals = np.zeros_like(computed.points)
     for block, (_, connectivity) in zip(mesh.blocks, computed.cells, strict=True):

@@ -15,10 +15,15 @@ def create(kind: str, table: Any) -> Any:
 
     Parameters
     ----------
-    kind
+    kind : str
         Kind of the object, such as 'contact law'.
-    table
+    table : object
         A table with the key `name`, or a name alone.
+
+    Returns
+    -------
+    object
+        The object, such as a `ContactLaw`.
 
     Raises
     ------
@@ -29,12 +34,17 @@ def create(kind: str, table: Any) -> Any:
 
 
 def provider_of(kind: str, name: str) -> str:
-    """Return the distribution that provides a name, '' if nothing of this name is installed.
+    """Return the distribution that provides a name.
 
     Parameters
     ----------
-    kind, name
+    kind, name : str
         Kind and name of the object.
+
+    Returns
+    -------
+    str
+        Its name, '' if nothing of this name is installed.
     """
     entries = (entry for entry in load().entries if (str(entry.kind), entry.record.name) == (kind, name))
     return next((entry.provider.name for entry in entries), "")
@@ -47,10 +57,15 @@ def solve_example(file: Path, *solvers: str) -> list[StepResult]:
 
     Parameters
     ----------
-    file
+    file : Path
         The case file.
-    *solvers
+    *solvers : str
         Names of further solvers.
+
+    Returns
+    -------
+    list of StepResult
+        The increments, first that of the solver of the case.
     """
     case = load_case(file)
     system = reduce(case)

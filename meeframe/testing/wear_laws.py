@@ -21,11 +21,11 @@ def check_wear_law(law: WearLaw, pressure: float = 1e6, speed: float = 1.0, worn
 
     Parameters
     ----------
-    law
+    law : WearLaw
         The wear law.
-    pressure, speed, worn
+    pressure, speed, worn : float, optional
         Typical magnitudes of the random states [Pa], [m/s], [m].
-    seed
+    seed : int, optional
         Seed of the random states.
 
     Raises

@@ -186,7 +186,18 @@ def _total_degree(table):
 
 @njit(cache=True, nogil=True)
 def shape_degree(table):
-    """Return the degree of shape functions along u or v, on triangles with the area ratio of the collapsed patch."""
+    """Return the degree of shape functions along u or v, on triangles with the area ratio of the collapsed patch.
+
+    Parameters
+    ----------
+    table : ShapeTable
+        Element type.
+
+    Returns
+    -------
+    int
+        The degree.
+    """
     if table.triangle:
         return _total_degree(table) + 1
     degree = 0
@@ -197,13 +208,36 @@ def shape_degree(table):
 
 @njit(cache=True, nogil=True)
 def element_rule(source, nodes, table, source_xi, tolerance, gauss, points, weights, anisotropy=MODERATE_ANISOTROPY):
-    """Return the rule in the reference domain for an element with nodes (n, 3) seen from source (3,).
+    """Fill arrays with the rule in the reference domain for an element seen from a source.
 
-    source_xi: (2,) reference coordinates of a source on the element, else NaN. Kernels may grow as 1/r and 1/r^2; on
-    singular elements as 1/r, or as 1/r^2 times functions that vanish at the source. The error relative to the integral
-    of the absolute value is below tolerance for densities of the element's degree in a medium of this anisotropy.
-    Fills points (capacity, 2) and weights (capacity,). Returns their number, or BUFFER_TOO_SMALL, or SOURCE_ON_ELEMENT
-    if the source lies on the element and source_xi is NaN.
+    Kernels may grow as 1/r and 1/r^2; on singular elements as 1/r, or as 1/r^2 times functions that vanish at the
+    source.
+
+    Parameters
+    ----------
+    source : ndarray
+        Position of the source, (3,).
+    nodes : ndarray
+        Positions of the nodes of the element, (n, 3).
+    table : ShapeTable
+        Element type.
+    source_xi : ndarray
+        Reference coordinates of a source on the element, (2,), else NaN.
+    tolerance : float
+        Error relative to the integral of the absolute value, for densities of the element's degree.
+    gauss : GaussTable
+        Gauss-Legendre rules.
+    points : ndarray
+        Reference coordinates of the points, (capacity, 2), filled.
+    weights : ndarray
+        Weights in the reference domain, (capacity,), filled.
+    anisotropy : float, optional
+        Anisotropy of the medium (`meeframe.elements.anisotropy`).
+
+    Returns
+    -------
+    int
+        Number of points; BUFFER_TOO_SMALL, or SOURCE_ON_ELEMENT if the source lies on the element and source_xi is NaN.
     """
     polynomial = np.empty((table.exponents.shape[0], 3))
     geometry_polynomial(table, nodes, polynomial)
@@ -229,7 +263,21 @@ def element_rule(source, nodes, table, source_xi, tolerance, gauss, points, weig
 
 @njit(cache=True, nogil=True)
 def rectangular_rule(order_xi, order_eta, triangle, gauss, points, weights):
-    """Fill points (order_xi * order_eta, 2) and weights with the tensor Gauss rule of the reference domain."""
+    """Fill arrays with the tensor Gauss rule of the reference domain.
+
+    Parameters
+    ----------
+    order_xi, order_eta : int
+        Numbers of points along xi and eta.
+    triangle : bool
+        True for the triangle, false for the quadrilateral.
+    gauss : GaussTable
+        Gauss-Legendre rules.
+    points : ndarray
+        Reference coordinates of the points, (order_xi * order_eta, 2), filled.
+    weights : ndarray
+        Weights in the reference domain, (order_xi * order_eta,), filled.
+    """
     corners = np.empty((4, 2))
     _reference_corners(triangle, corners)
     cell = np.array([-1.0, 1.0, -1.0, 1.0])

@@ -20,7 +20,24 @@ _TINY = 1e-300
 
 @njit(cache=True, nogil=True)
 def order_for(spread, degree, tolerance, anisotropy):
-    """Return the number of Gauss points for kernels r^-p times a polynomial, at a spread (r1 + r2) / length."""
+    """Return the number of Gauss points for kernels r^-p times a polynomial.
+
+    Parameters
+    ----------
+    spread : float
+        Distances of the source from both ends of the line over its length, (r1 + r2) / length, >= 1.
+    degree : int
+        Degree of the polynomial.
+    tolerance : float
+        Relative error of the integral.
+    anisotropy : float
+        Anisotropy of the medium (`meeframe.elements.anisotropy`).
+
+    Returns
+    -------
+    int
+        Number of points, at most MAX_ORDER.
+    """
     if spread <= 1.0 + 1e-12:
         return MAX_ORDER
     across = sqrt(spread * spread - 1.0) / anisotropy
@@ -31,11 +48,26 @@ def order_for(spread, degree, tolerance, anisotropy):
 
 @njit(cache=True, nogil=True)
 def required_orders(distance, size_xi, size_eta, degree, tolerance, anisotropy=MODERATE_ANISOTROPY):
-    """Return the orders along xi and eta of a tensor Gauss rule over an element, for a relative error of tolerance.
+    """Return the orders along xi and eta of a tensor Gauss rule over an element.
 
-    distance: from the source to the centre; size_xi, size_eta: from element_extents, in the same unit; degree: from
-    shape_degree. The min_orders of element_extents apply too. If the source is close, the orders are large, at most
-    MAX_ORDER, and element_rule is to be used instead.
+    Parameters
+    ----------
+    distance : float
+        Distance of the source from the centre of the element.
+    size_xi, size_eta : float
+        Lengths of the element as of element_extents, in the unit of the distance.
+    degree : int
+        Degree as of shape_degree.
+    tolerance : float
+        Relative error of the integral.
+    anisotropy : float, optional
+        Anisotropy of the medium (`meeframe.elements.anisotropy`).
+
+    Returns
+    -------
+    tuple of int
+        Orders along xi and eta, to which the min_orders of element_extents apply too. If the source is close, they are
+        large, at most MAX_ORDER, and element_rule is to be used instead.
     """
     along_xi = order_for((2.0 * distance - size_eta) / size_xi, degree, tolerance, anisotropy)
     along_eta = order_for((2.0 * distance - size_xi) / size_eta, degree, tolerance, anisotropy)
@@ -44,7 +76,20 @@ def required_orders(distance, size_xi, size_eta, degree, tolerance, anisotropy=M
 
 @njit(cache=True, nogil=True)
 def max_points_per_direction(tolerance, gauss):
-    """Return the order beyond which halving a cell is cheaper than a higher order (measured)."""
+    """Return the order beyond which halving a cell is cheaper than a higher order (measured).
+
+    Parameters
+    ----------
+    tolerance : float
+        Relative error of the integral.
+    gauss : GaussTable
+        Gauss-Legendre rules, whose largest order is a bound.
+
+    Returns
+    -------
+    int
+        The order.
+    """
     return min(gauss.points.shape[1], max(6, ceil(6.0 - 1.1 * log10(tolerance))))
 
 

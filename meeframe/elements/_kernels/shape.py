@@ -97,10 +97,26 @@ def shapes_at(table, xi, eta, out):
 
 @njit(cache=True, nogil=True)
 def map_rule(table, nodes, points, weights, positions, normals, measures, shapes):
-    """Map a rule from the reference domain to an element with nodes (n, 3).
+    """Map a rule from the reference domain to an element.
 
-    points (m, 2) and weights (m,) are the rule. Fills positions (m, 3), normals (m, 3) unit and outward by the
-    right-hand rule of the node order, measures (m,) = weight times area ratio, shapes (m, n).
+    Parameters
+    ----------
+    table : ShapeTable
+        Element type.
+    nodes : ndarray
+        Positions of the nodes of the element, (n, 3).
+    points : ndarray
+        Reference coordinates of the rule, (m, 2).
+    weights : ndarray
+        Weights of the rule, (m,).
+    positions : ndarray
+        Positions, (m, 3), filled.
+    normals : ndarray
+        Unit normals, (m, 3), outward by the right-hand rule of the node order, filled.
+    measures : ndarray
+        Weights times area ratios, (m,), filled.
+    shapes : ndarray
+        Shape functions, (m, n), filled.
     """
     polynomial = np.empty((table.exponents.shape[0], 3))
     geometry_polynomial(table, nodes, polynomial)

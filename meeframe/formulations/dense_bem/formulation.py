@@ -65,6 +65,11 @@ class DenseBEM(Formulation):
     def check(self, body: Body) -> None:
         """Check mesh, boundary conditions, material and memory.
 
+        Parameters
+        ----------
+        body : Body
+            The body.
+
         Raises
         ------
         MeshError
@@ -99,11 +104,34 @@ class DenseBEM(Formulation):
         return True
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Return warnings about slender limbs, whose bending may be inaccurate, of a body that `check` accepts."""
+        """Return warnings about slender limbs, whose bending may be inaccurate.
+
+        Parameters
+        ----------
+        body : Body
+            A body that `check` accepts.
+
+        Returns
+        -------
+        tuple of str
+            The warnings.
+        """
         return bending_warnings(body)
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
         """Assemble and factorise the system, and condense it to the contact zone.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+        progress : callable, optional
+            Function that is called with the name of a stage and the fraction of it that is done.
+
+        Returns
+        -------
+        ReducedSystem
+            A `DenseSystem`.
 
         Raises
         ------

@@ -13,7 +13,20 @@ from meeframe.mesh.body import Body
 
 
 def check_material(fundamental_solution: FundamentalSolution, body: Body) -> None:
-    """Raise MaterialError if `bind_body`, with the same arguments, does."""
+    """Check that `bind_body` accepts a body.
+
+    Parameters
+    ----------
+    fundamental_solution : FundamentalSolution
+        Method for the coupled fields.
+    body : Body
+        The body.
+
+    Raises
+    ------
+    MaterialError
+        As `bind_body`.
+    """
     _check(fundamental_solution, *_content(body))
 
 
@@ -26,6 +39,11 @@ def bind_body(fundamental_solution: FundamentalSolution, body: Body) -> Kernel:
         Method for the coupled fields.
     body : Body
         The body.
+
+    Returns
+    -------
+    Kernel
+        The kernel, for offsets in units of the system.
 
     Raises
     ------

@@ -64,19 +64,19 @@ class InteriorRepresentation:
 
     Attributes
     ----------
-    mesh
+    mesh : SurfaceMesh
         Boundary of the body [m].
-    stiffness
+    stiffness : Array
         Extended stiffness (3, fields, fields, 3) in SI units.
-    units
+    units : Units
         Units of the system.
-    bind
+    bind : callable
         Function that returns the fundamental solution for the scaled stiffness.
-    anisotropy
+    anisotropy : float
         Anisotropy of the medium, see `meeframe.elements.anisotropy`.
-    moduli
+    moduli : Array or None
         Thermal moduli (3, N_FIELDS) [SI]; None if heat acts on no other field.
-    temperature
+    temperature : int
         Column of the temperature.
     """
 
@@ -92,23 +92,45 @@ class InteriorRepresentation:
     def of(
         cls, fundamental_solution: FundamentalSolution, body: Body, units: Units, spread: float
     ) -> "InteriorRepresentation":
-        """Return the representation of a body; the last arguments are `units` and `anisotropy`."""
+        """Return the representation of a body.
+
+        Parameters
+        ----------
+        fundamental_solution : FundamentalSolution
+            Method for the coupled fields.
+        body : Body
+            The body.
+        units : Units
+            Units of the system.
+        spread : float
+            Anisotropy of the medium, see `meeframe.elements.anisotropy`.
+
+        Returns
+        -------
+        InteriorRepresentation
+            The representation.
+        """
         data = body.mesh, body.stiffness, units, partial(bind_body, fundamental_solution, body), spread
         if body.thermal_moduli is None:
             return cls(*data)
         return cls(*data, body.thermal_moduli, body.fields.index(THERMAL_FIELD.name))
 
     def evaluate(self, boundary: NodalFields, points: Array, progress: Progress = silent) -> PointFields:
-        """Return the fields at points (m, 3) [m] inside the body from those on its boundary.
+        """Return the fields at points inside the body from those on its boundary.
 
         Parameters
         ----------
-        boundary
+        boundary : NodalFields
             Fields on the boundary, with the cells of the mesh in its order.
-        points
-            Positions in global axes [m].
-        progress
-            Function that receives the stage and the fraction of the points that is done.
+        points : Array
+            Positions in global axes, (m, 3) [m].
+        progress : callable, optional
+            Function that is called with the name of the stage and the fraction of the points that is done.
+
+        Returns
+        -------
+        PointFields
+            The fields, in SI units and global axes.
 
         Raises
         ------
@@ -147,7 +169,21 @@ class InteriorRepresentation:
         return point_fields if self.moduli is None else point_fields.with_heat(self.moduli, self.temperature)
 
     def on_plane(self, boundary: NodalFields, points: Array, normal: Array) -> PointFields:
-        """Return the fields at points (m, 3) on the plane part of the boundary with an outward normal (3,).
+        """Return the fields at points on a plane part of the boundary.
+
+        Parameters
+        ----------
+        boundary : NodalFields
+            Fields on the whole boundary.
+        points : Array
+            Positions in the plane, (m, 3) [m].
+        normal : Array
+            Outward unit normal of the plane, (3,).
+
+        Returns
+        -------
+        PointFields
+            The fields, in SI units and global axes.
 
         Raises
         ------

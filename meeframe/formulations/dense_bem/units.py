@@ -30,7 +30,18 @@ class Units:
 
     @classmethod
     def of(cls, body: Body) -> "Units":
-        """Return the units of the system of a body."""
+        """Return the units of the system of a body.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+
+        Returns
+        -------
+        Units
+            The units.
+        """
         plain = cls(characteristic_length(body), FieldScaling.of(body.stiffness))
         moduli = plain.thermal_moduli(body)
         if moduli is None or not moduli.any():
@@ -71,16 +82,38 @@ class Units:
         return self.scaling.scale_fluxes(fluxes) * self.length * self.amplitudes
 
     def thermal_moduli(self, body: Body) -> Array | None:
-        """Return the thermal moduli of a body in units of the system, (3, 5); None if it has none.
+        """Return the thermal moduli of a body in units of the system.
 
-        They have one power of length more than the stiffness, as the temperature is no gradient.
+        Parameters
+        ----------
+        body : Body
+            The body.
+
+        Returns
+        -------
+        Array or None
+            Moduli, (3, 5), with one power of length more than the stiffness, as the temperature is no gradient. None if
+            the body has none.
         """
         if body.thermal_moduli is None:
             return None
         return self.scale_moduli(body.thermal_moduli, body.fields.index(THERMAL_FIELD.name))
 
     def scale_moduli(self, moduli: Array, column: int) -> Array:
-        """Return thermal moduli (3, 5) in units of the system, for the column of the temperature."""
+        """Convert thermal moduli from SI units to units of the system.
+
+        Parameters
+        ----------
+        moduli : Array
+            Thermal moduli, (3, 5), SI units.
+        column : int
+            Column of the temperature among the fields.
+
+        Returns
+        -------
+        Array
+            The same in units of the system.
+        """
         factors = self.scaling.factors * self.length / self.amplitudes
         scaled: Array = moduli * self.scaling.factors[:N_FIELDS] * factors[column]
         return scaled
@@ -135,7 +168,18 @@ def characteristic_length(body: Body) -> float:
 
 
 def check_expansion(body: Body) -> None:
-    """Raise CaseError if heat acts on the other fields of a semi-infinite body, for boundary elements."""
+    """Check that boundary elements support the thermal expansion of a body.
+
+    Parameters
+    ----------
+    body : Body
+        The body.
+
+    Raises
+    ------
+    CaseError
+        If heat acts on the other fields of a semi-infinite body.
+    """
     if body.thermal_moduli is not None and body.mesh.semi_infinite:
         raise CaseError(
             "the expansion by heat does not fade with the distance, so that the surface of a semi-infinite body cannot "

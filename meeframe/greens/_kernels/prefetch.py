@@ -12,7 +12,14 @@ _READ, _LOCALITY, _DATA_CACHE = 0, 3, 1
 def prefetch(_context, array, index):
     """Prefetch the cache line of array.flat[index] of a contiguous array, in compiled code.
 
-    The call does not wait, and an index out of range is harmless. This is the intrinsic of that name of LLVM.
+    The call does not wait. This is the intrinsic of that name of LLVM.
+
+    Parameters
+    ----------
+    array : ndarray
+        C-contiguous array of any shape.
+    index : int
+        Index of the flattened array; one out of range is harmless.
     """
 
     def generate(context, builder, signature, arguments):
@@ -29,4 +36,12 @@ def prefetch(_context, array, index):
 if config.DISABLE_JIT:
 
     def prefetch(array, index):
-        """Do nothing, since functions are not compiled."""
+        """Prefetch a cache line in compiled code; do nothing here, since functions are not compiled.
+
+        Parameters
+        ----------
+        array : ndarray
+            C-contiguous array of any shape.
+        index : int
+            Index of the flattened array.
+        """

@@ -56,7 +56,13 @@ class HeightMap:
 
     @property
     def spacing(self) -> tuple[float, float]:
-        """Spacings along x and y [m]. Raises CaseError unless each is the same everywhere."""
+        """Spacings along x and y [m].
+
+        Raises
+        ------
+        CaseError
+            Unless each is the same everywhere.
+        """
         steps = []
         for name, axis in (("x", self.x), ("y", self.y)):
             if len(axis) < 2:

@@ -43,12 +43,11 @@ class _Memory:
     """State of the iteration.
 
     problem, scales: of the contact; modes: normal free motions on all nodes; inverse: approximate inverse of the normal
-    compliance, (n, 1) from (n, 1), if the system has one; weight: (n,) of the inner product; load: (n, fields);
-    gap: (n,) with the indenter at rest; motion: (m,); active_modes: modes on the nodes with pressure or overlap, which
-    move next; free: (f,) nodes that the last step moved; restricted: approximate inverse of the normal compliance
-    restricted to these, (f,) from (f,), if there is one; direction, residual: (f,) of that step; product: of its
-    preconditioned residual with the residual; estimate: of the residual; age: steps since the gap was last recomputed;
-    renewed: estimate then.
+    compliance, (n, 1) from (n, 1), if the system has one; weight: (n,) of the inner product; load: (n, fields); gap:
+    (n,) with the indenter at rest; motion: (m,); active_modes: modes on the nodes with pressure or overlap, which move
+    next; free: (f,) nodes that the last step moved; restricted: approximate inverse of the normal compliance restricted
+    to these, (f,) from (f,), or None; direction, residual: (f,) of that step; product: of its preconditioned residual
+    with the residual; estimate: of the residual; age: steps since the gap was computed; renewed: estimate then.
     """
 
     problem: ContactProblem
@@ -78,8 +77,7 @@ class ProjectedCG(Solver):
 
     The method minimises the quadratic form of the normal compliance on the nodes with pressure or overlap; nodes that
     lose their pressure leave this set, nodes that overlap enter it. Inner products are weighted by the nodes' areas, in
-    which a compliance is symmetric by reciprocity; it need not be exactly so, as the directions are those of Polak and
-    Ribiere.
+    which a compliance is symmetric by reciprocity; it need not be exactly so, as directions are Polak and Ribiere's.
 
     If the reduced system has an approximate inverse, its restriction to those nodes is the preconditioner: the number
     of steps then hardly depends on the number of nodes, and is smaller still with a prolongation of displacements from
@@ -118,7 +116,13 @@ class ProjectedCG(Solver):
         NormalModes.of(problem)
 
     def accepts(self, problem: ContactProblem) -> bool:
-        """Return true if `check` raises nothing."""
+        """Return true if `check` raises nothing.
+
+        Parameters
+        ----------
+        problem : ContactProblem
+            Problem to check.
+        """
         try:
             self.check(problem)
         except CaseError:

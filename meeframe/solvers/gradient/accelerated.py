@@ -41,9 +41,8 @@ class _Guard:
     """Monitor of the violation of the contact law.
 
     violations: violations at the last steps; best, idle: the smallest one so far and the number of steps since;
-    plain_steps: plain steps still to be made; plain_rounds: number of plain steps the next time, in units of
-    PLAIN_STEPS; lengthens_on_rise: whether a rise of the violation increases it too; shortening: factor on the plain
-    steps, 1 at first.
+    plain_steps: plain steps still to be made; plain_rounds: their number the next time, in units of PLAIN_STEPS;
+    lengthens_on_rise: whether a rise of the violation increases it too; shortening: factor on their length, at first 1.
     """
 
     violations: tuple[float, ...] = ()
@@ -133,8 +132,7 @@ class BarzilaiBorwein(Solver):
 class Nesterov(Solver):
     """Nesterov's extrapolation for Uzawa's method, restarted when it overshoots.
 
-    Source: Nesterov, Soviet Math. Dokl. 27 (1983) 372; restarts: O'Donoghue and Candes, Found. Comput. Math. 15 (2015)
-    715.
+    Source: Nesterov, Sov. Math. Dokl. 27 (1983) 372; restarts: O'Donoghue & Candes, Found. Comput. Math. 15 (2015) 715.
     """
 
     check_interval: ClassVar[int] = 10
@@ -180,9 +178,8 @@ def _init(problem: ContactProblem, start: ContactState | None, lengthens_on_rise
 def _evaluate(memory: _Memory, iterate: Iterate, traction: Array) -> tuple[_Memory, Slope, float, float]:
     """Return the state for the present contact, the slope at tractions (n, 3), the plain step and the violation.
 
-    The slope includes the motions of a plain step. Changes of gaps are then those of the compliance less their part
-    that is a free motion: with it, a secant would be that of a body that the indenter cannot follow. The violation is
-    the size of the plain step [Pa].
+    The slope includes the motions of a plain step, whose size [Pa] is the violation. Changes of gaps are then those of
+    the compliance without free motions: with them, a secant would be that of a body that the indenter cannot follow.
     """
     stepper = memory.stepper
     conduction, conductors = stepper.conductors(iterate, memory.conduction, memory.conductors)
@@ -205,8 +202,7 @@ def _secant_step(scaling: Array, change: Array, response: Array, short: bool, pl
     """Return the long or short Barzilai-Borwein step [Pa/m].
 
     change: (n, 3) of the tractions; response: (n, 3) to it [m]; scaling: (2, 2) the law's tangential scaling S. The
-    long step is <s, S^-1 s>/<s, y>, the short one <s, y>/<y, S y>, with y on the nodes that changed: the others are
-    held by the law.
+    long step is <s, S^-1 s>/<s, y>, the short one <s, y>/<y, S y>, y on nodes that changed: the law holds others.
     """
     changed = change.any(axis=1)
     change, response = change[changed], response[changed]

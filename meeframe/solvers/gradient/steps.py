@@ -225,8 +225,7 @@ class Conduction:
     """Conduction of the nodes during an iteration.
 
     The transmissivity of laws that depend on the gap or the drop is relaxed: it advances by only a part of the way to
-    the value of these laws, a smaller part where the direction reverses at the next step, which would otherwise
-    oscillate.
+    the value of these laws, a smaller one where the direction reverses at the next step, against oscillation.
 
     Attributes
     ----------

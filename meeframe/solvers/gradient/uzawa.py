@@ -56,8 +56,7 @@ class Uzawa(Solver):
         Steps r_nu and r_tau of eqs. (31), (32) [Pa/m]. The paper's r_nu = 5e3 is in GPa/m: 5e12 Pa/m. In eq. (32) r_tau
         is multiplied by M^2, here by M^2 / max(mu)^2, so that step_tangential is r_tau max(mu)^2. 'auto' is 1.6 over
         the largest eigenvalue of the compliance on the nodes in contact, potentials eliminated, in the metric of the
-        contact law; it follows the contact as that grows and conducts, and is shortened if the tractions begin to
-        diverge.
+        contact law; it follows the contact as that grows and conducts, and is shortened if the tractions diverge.
 
     Raises
     ------

@@ -4,9 +4,8 @@ Rows that determine one unknown of a single node (open nodes, insulated potentia
 not biactive) are eliminated beforehand: the remaining system has the size of the contact.
 
 Where the compliance is not stored as a matrix, the free motions are unknowns like the loads, and the resistance of
-the contact to them is part of the preconditioner. Components come before nodes: numpy is much faster along the longer
-axis. A step of which a few digits are required is computed in single precision; the residual that decides on its
-quality is not.
+the contact to them is part of the preconditioner. Components come before nodes: numpy is faster along the longer axis.
+A step of which a few digits are required is computed in single precision; the residual that decides on it is not.
 """
 
 from collections.abc import Callable

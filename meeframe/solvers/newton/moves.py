@@ -36,8 +36,7 @@ def take_step(state: ResidualState, flips: Array, step: Step, fraction: float) -
     """Return the flips (n,) and the state after a fraction of a step.
 
     Nodes whose conduction keeps changing become biactive. They begin between open and closed, at the fraction where
-    their own switching would make their trial zero: from one of the ends the first step goes too far, since the drive
-    changes along with the fraction.
+    switching would make their trial zero: from an end the first step goes too far, since the drive changes too.
     """
     equation = state.equation
     motion = state.motion + fraction * step.motion

@@ -204,9 +204,8 @@ class _Rotation:
 def _displacement_rows(jacobian: ReducedJacobian, self_compliance: NodeBlocks) -> tuple[Mask, Array]:
     """Return the rows (l, c) that prescribe displacements, and the resistances of friction in them, times the units.
 
-    In these the response of a node to its own load outweighs the load itself, or is not much smaller, where a node
-    slips: loads of its neighbours move it as well. self_compliance: (f, l) response of the displacements to the
-    unknowns of the node.
+    In these the response of a node to its load outweighs the load, or is not much smaller, where it slips: loads of
+    neighbours move it as well. self_compliance: (f, l) response of displacements to the unknowns of the node.
     """
     friction = np.zeros((len(jacobian.fields), len(jacobian.nodes)))
     prescribing, flow = friction > 0.0, jacobian.equation.problem.system.capability(MaterialFlow)
@@ -251,9 +250,8 @@ def _prescribed_displacements(
 ) -> NodeBlocks:
     """Return the displacements (l, c), in the fields of the loads, that right-hand sides (r, c) prescribe.
 
-    The right-hand sides are those of the rows `prescribing` (l, c). The displacements are those that loads cause at
-    their own node if they satisfy its rows alone, and the drops of the resistances that the inverse includes, with
-    those of friction (l, c).
+    Right-hand sides are those of the rows `prescribing` (l, c). Displacements are those that loads cause at their own
+    node if they satisfy its rows alone, and drops of the resistances that the inverse includes, with friction.
     """
     positions = [jacobian.displacement_fields.index(field) for field in jacobian.fields]
     causes = [self_compliance.entry(column, position) for position, column in enumerate(positions)]

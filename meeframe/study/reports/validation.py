@@ -38,19 +38,19 @@ class Check:
 
     Attributes
     ----------
-    name
+    name : str
         Name of the check.
-    computed, reference
+    computed, reference : float
         Values in the unit.
-    tolerance
+    tolerance : float
         Bound of |computed/reference - 1|, or of |computed - reference| if absolute.
-    unit
+    unit : str
         Unit of the values.
-    absolute
+    absolute : bool
         Whether the difference is absolute.
-    explained
+    explained : str
         Reason for a known difference from a published number.
-    explained_up_to
+    explained_up_to : float
         Largest difference that the reason accounts for, greater than the tolerance.
 
     Raises
@@ -109,17 +109,17 @@ class Claim:
 
     Attributes
     ----------
-    name
+    name : str
         The statement.
-    observed
+    observed : str
         Computed values, in words.
-    criterion
+    criterion : str
         Criterion for the values.
-    holds
+    holds : bool or None
         Whether the criterion is met; None if the mesh is too coarse to decide.
-    explained
+    explained : str
         Reason if the statement is known not to hold.
-    as_explained
+    as_explained : bool
         Whether the values agree with this reason.
 
     Raises
@@ -158,9 +158,9 @@ class Skip:
 
     Attributes
     ----------
-    name
+    name : str
         Name of the check.
-    reason
+    reason : str
         The missing requirement and how to install it.
     """
 
@@ -182,13 +182,13 @@ class Curve:
 
     Attributes
     ----------
-    label
+    label : str
         Label in the legend.
-    x, y
+    x, y : Array
         Coordinates (m,) in the units of the labels of the plot.
-    points
+    points : bool
         Whether to draw markers instead of a line.
-    joined
+    joined : bool
         Whether to draw both.
 
     Raises
@@ -210,7 +210,20 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """Curves in one coordinate system; `note` is a caption of one or two sentences.
+    """Curves in one coordinate system.
+
+    Attributes
+    ----------
+    title : str
+        Title.
+    x_label, y_label : str
+        Labels of the axes, with units.
+    curves : tuple of Curve
+        The curves, at least one.
+    log_x, log_y : bool
+        Whether the axes are logarithmic.
+    note : str
+        Caption of one or two sentences.
 
     Raises
     ------
@@ -234,7 +247,20 @@ class Plot:
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """Fields on one regular grid, selected by label: each (ny, nx) at x (nx,), y (ny,).
+    """Fields on one regular grid, selected by label.
+
+    Attributes
+    ----------
+    title : str
+        Title.
+    x_label, y_label, value_label : str
+        Labels of the axes and of the values, with units.
+    x, y : Array
+        Coordinates, (nx,) and (ny,).
+    fields : dict of str to Array
+        Values by label, (ny, nx) each.
+    note : str
+        Caption of one or two sentences.
 
     Raises
     ------
@@ -294,7 +320,15 @@ def _check_shape(what: str, name: str, values: Any, shape: tuple[int, ...]) -> N
 
 @dataclass(frozen=True)
 class Row:
-    """An outcome, and the seconds since the previous item."""
+    """Outcome in a validation.
+
+    Attributes
+    ----------
+    item : Check, Claim or Skip
+        The outcome.
+    seconds : float
+        Time since the previous item [s].
+    """
 
     item: Check | Claim | Skip
     seconds: float
@@ -306,17 +340,17 @@ class CaseReport:
 
     Attributes
     ----------
-    name, title, source
+    name, title, source : str
         Folder, title and publication of the case.
-    rows
+    rows : tuple of Row
         Outcomes.
-    figures
+    figures : tuple of Plot or Map
         Plots and maps.
-    seconds
+    seconds : float
         Total time.
-    error
+    error : str
         Traceback or message if the case failed.
-    finished
+    finished : bool
         Whether it has yielded all items.
     """
 
@@ -341,13 +375,13 @@ class Validation:
 
     Attributes
     ----------
-    quick
+    quick : bool
         Whether coarser grids are used.
-    versions
+    versions : dict of str to str
         Versions of the software.
-    cases
+    cases : tuple of CaseReport
         Reports of the cases.
-    planned
+    planned : int
         Number of cases to run.
     """
 
@@ -372,7 +406,18 @@ class Validation:
         return len(self.finished) == self.planned and not self.failed
 
     def count(self, verdict: Verdict) -> int:
-        """Return the number of checks with this outcome."""
+        """Return the number of checks with an outcome.
+
+        Parameters
+        ----------
+        verdict : Verdict
+            The outcome.
+
+        Returns
+        -------
+        int
+            The number.
+        """
         return sum(case.verdicts.count(verdict) for case in self.cases)
 
     @property

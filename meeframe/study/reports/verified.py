@@ -36,13 +36,13 @@ class MeasuredQuantity:
 
     Attributes
     ----------
-    value
+    value : float
         Value in SI units.
-    scale
+    scale : float
         Value without cancellation, if all contributions had one sign.
-    noise
+    noise : float
         Uncertainty due to the mesh that follows no order, as of an area that is counted by elements.
-    physical
+    physical : float
         Value that loads of this size could cause if all fields were fully coupled; 0 if unknown.
     """
 
@@ -58,19 +58,19 @@ class VerifiedRun:
 
     Attributes
     ----------
-    formulation
+    formulation : str
         Label of the formulation.
-    size
+    size : float
         Element size relative to the width of the contact zone.
-    elements
+    elements : int
         Number of elements of the surface.
-    status
+    status : str
         Status of the iteration, or 'refused'.
-    message
+    message : str
         Reason if it did not converge.
-    steps
+    steps : dict of int to dict of str to MeasuredQuantity
         Quantities by name at the end of load steps, by the number of the step from 1.
-    seconds
+    seconds : float
         Total time.
     """
 
@@ -89,15 +89,15 @@ class Estimate:
 
     Attributes
     ----------
-    step
+    step : int
         Number of the load step, from 1.
-    quantity
+    quantity : str
         Name of the quantity.
-    formulation
+    formulation : str
         Label of the formulation.
-    sizes, values
+    sizes, values : tuple of float
         Element sizes and values, from coarse to fine.
-    limit
+    limit : Extrapolation
         Extrapolated value.
     """
 
@@ -111,7 +111,13 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Agreement:
-    """Comparison of two estimates of one quantity."""
+    """Comparison of two estimates of one quantity.
+
+    Attributes
+    ----------
+    first, second : Estimate
+        The estimates, by two formulations.
+    """
 
     first: Estimate
     second: Estimate
@@ -150,19 +156,19 @@ class Verification:
 
     Attributes
     ----------
-    title, text
+    title, text : str
         Title and text of the case.
-    versions
+    versions : dict of str to str
         Versions of the software.
-    refusals
+    refusals : dict of str to str
         Reasons of formulations that refuse the case.
-    order
+    order : float
         Theoretical order.
-    planned
+    planned : int
         Number of planned runs.
-    runs
+    runs : tuple of VerifiedRun
         Finished runs.
-    fields
+    fields : FieldSet
         Field set of the case.
     """
 

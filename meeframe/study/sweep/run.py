@@ -57,23 +57,23 @@ def sweep(
 
     Parameters
     ----------
-    file
+    file : Path
         The study file.
-    out
+    out : Path
         Output folder; created if it does not exist and locked until the sweep ends.
-    pool
+    pool : Pool, optional
         Pool that solves the points; by default this process.
-    overwrite
+    overwrite : bool, optional
         Whether another sweep in `out` is replaced.
-    registry
+    registry : Registry, optional
         Registry of plugins; by default everything that is installed.
-    progress
+    progress : callable, optional
         Called with the stage and the fraction of it that is done.
-    warn
+    warn : callable, optional
         Called first, with each warning of formulations and points once.
-    systems
+    systems : Path, optional
         Folder of reduced systems that other sweeps use too, where nothing is deleted; by default one in `out`.
-    suffix
+    suffix : str, optional
         Format of the figure, of meeframe.results.figures.FORMATS.
 
     Returns
@@ -190,13 +190,13 @@ class PointData:
 
     Attributes
     ----------
-    status, message
+    status, message : str
         Status of the point, and the reason if it did not converge.
-    numbers
+    numbers : tuple of dict of str to float
         Numbers of each increment.
-    fields
+    fields : dict of str to Array or None
         Coordinates x, y, z [m] and the fields of the last increment that the study names, (n,) each.
-    field_set
+    field_set : FieldSet
         Field set of the body.
     """
 
@@ -208,7 +208,20 @@ class PointData:
 
     @classmethod
     def of(cls, outcome: Outcome, fields: Sequence[str]) -> "PointData":
-        """Extract the data of an outcome."""
+        """Extract the data of an outcome.
+
+        Parameters
+        ----------
+        outcome : Outcome
+            Outcome of the point.
+        fields : sequence of str
+            Names of the fields of the contact zone that the study collects.
+
+        Returns
+        -------
+        PointData
+            The data.
+        """
         result = outcome.result
         if result is None:
             return cls(outcome.status, outcome.message)

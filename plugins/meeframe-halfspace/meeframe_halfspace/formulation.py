@@ -48,24 +48,24 @@ class HalfSpace(Formulation):
 
     Attributes
     ----------
-    density
+    density : {'bilinear', 'constant', 'trigonometric'}
         Density of loads around each node: 'bilinear', decreasing to zero at its neighbours, like four-node elements;
         'constant' on the cell around it; or 'trigonometric', interpolation by waves, for periodic surfaces only.
-    periodic
+    periodic : bool
         Whether the zone and half a spacing on each side of it are one period of an infinite surface. A half space has
         no finite response to a mean load, for which the response to a wave of this length is used.
-    matrix_up_to
+    matrix_up_to : int
         Largest number of nodes for which the compliance is stored as a matrix, for solvers that factorize it; with more
         nodes, solving without a matrix takes less time.
-    edges
+    edges : {'nodes', 'resolved'}
         Contact edges are at the 'nodes', or 'resolved' between them, which solves each increment twice and stores no
         matrix.
-    reference_radius
+    reference_radius : float or None
         Distance [m] from a point where heat flows out, at which its mean effect on the displacement and the potentials
         vanishes. A half space leaves that level undetermined: without this length, contact with heat flow needs
         prescribed forces and total fluxes, which do not depend on it. Not for layers on a rigid base, which determines
         all levels.
-    device
+    device : {'cpu', 'gpu'}
         Where Fourier transforms are computed: on the 'cpu', or by CuPy on a 'gpu', which gives the same results but for
         round-off.
     """
@@ -94,11 +94,20 @@ class HalfSpace(Formulation):
             )
 
     def check(self, body: Body) -> None:
-        """Raise MeshError or CaseError if the body is not a half space with a regular grid.
+        """Check that the body is a half space with a regular grid.
 
-        MeshError unless the mesh is part of a plane and its contact zone a regular grid; CaseError if boundary
-        conditions contradict each other or prescribe anything but zero flux outside the zone, or if the device is not
-        available.
+        Parameters
+        ----------
+        body : Body
+            The body.
+
+        Raises
+        ------
+        MeshError
+            If the mesh is no part of a plane, or its contact zone no regular grid.
+        CaseError
+            If boundary conditions contradict each other or prescribe anything but zero flux outside the zone, or if the
+            device is not available.
         """
         self._grid(body)
         self._library()
@@ -124,7 +133,27 @@ class HalfSpace(Formulation):
         return True
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
-        """Compute the surface compliance and the response to one node. Raises as check, and MaterialError."""
+        """Compute the surface compliance and the response to one node.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+        progress : callable, optional
+            Function that is called with the name of a stage and the fraction of it that is done.
+
+        Returns
+        -------
+        ReducedSystem
+            The system, with a matrix if the zone has at most `matrix_up_to` nodes and edges are at the nodes.
+
+        Raises
+        ------
+        MeshError, CaseError
+            As `check`.
+        MaterialError
+            If the surface compliance cannot be computed, as for a material close to inadmissible.
+        """
         zone, grid = self._grid(body)
         library = self._library()
         progress("surface compliance", 0.0)
@@ -171,7 +200,18 @@ class HalfSpace(Formulation):
         return self.reference_radius or float(np.sqrt(grid.weights(False).sum() / np.pi))
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Return a note on the reference radius, on which prescribed motions and potentials depend."""
+        """Return a note on the reference radius, on which prescribed motions and potentials depend.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+
+        Returns
+        -------
+        tuple of str
+            The note; none without a reference radius, or if heat acts on no other field.
+        """
         if not body.expands or self.reference_radius is None:
             return ()
         return (
@@ -180,7 +220,18 @@ class HalfSpace(Formulation):
         )
 
     def undetermined_levels(self, body: Body) -> tuple[int, ...]:
-        """Return the fields whose level heat leaves undetermined, by column: those it acts on, without a radius."""
+        """Return the fields whose level heat leaves undetermined: those it acts on, without a reference radius.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+
+        Returns
+        -------
+        tuple of int
+            Their columns in local frames.
+        """
         if not body.expands or body.contact_group is None or self.reference_radius is not None:
             return ()
         grid = self._grid(body)[1]

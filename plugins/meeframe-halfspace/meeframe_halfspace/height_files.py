@@ -30,13 +30,13 @@ class Scales:
 
     Attributes
     ----------
-    unit
+    unit : float or None
         Metres per unit of heights; None for that of the file, or metres.
-    lateral_unit
+    lateral_unit : float
         Metres per unit of coordinates.
-    spacing
+    spacing : tuple of float or None
         Spacing of a matrix along x and y [m].
-    dataset
+    dataset : str or None
         Path of the dataset in an HDF5 file, or name of the channel of an instrument.
     """
 
@@ -51,7 +51,7 @@ def read_height_map(file: str | Path, scales: Scales | None = None) -> HeightMap
 
     Parameters
     ----------
-    file
+    file : str or Path
         One of these formats:
 
         - .npy, .h5, .hdf5: a matrix (rows along y, columns along x, ascending) or rows (x, y, height).
@@ -62,8 +62,13 @@ def read_height_map(file: str | Path, scales: Scales | None = None) -> HeightMap
           `scales` do; other lines without numbers before the heights are skipped.
         - Other binary files, and text with another header: those of instruments, by SurfaceTopography if it is
           installed.
-    scales
+    scales : Scales, optional
         Properties that the file does not define.
+
+    Returns
+    -------
+    HeightMap
+        The map [m].
 
     Raises
     ------

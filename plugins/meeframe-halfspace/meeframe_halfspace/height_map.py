@@ -36,26 +36,28 @@ class MeasuredHeights(Indenter):
 
     Attributes
     ----------
-    file
+    file : Path
         File of the height map.
-    unit, lateral_unit
-        Metres per unit of heights (by default that of the file, or metres) and of coordinates.
-    spacing
+    unit : float or None
+        Metres per unit of heights; by default that of the file, or metres.
+    lateral_unit : float
+        Metres per unit of coordinates.
+    spacing : tuple of float or None
         Spacing of a matrix along x and y, overriding that of the file.
-    dataset
+    dataset : str or None
         Path of the dataset in an HDF5 file, or name of the channel of an instrument.
-    facing
+    facing : {'up', 'down'}
         'up' as measured, so that peaks touch first, or 'down' as the height of an indenter.
-    levelled
+    levelled : bool or {'quadratic'}
         Whether the best-fit plane is subtracted, or with 'quadratic' the best-fit paraboloid.
-    centred
+    centred : bool
         Whether the middle of the map is on the axis of the indenter; otherwise its coordinates apply.
-    outliers
+    outliers : float or None
         Largest deviation from the heights around, in standard deviations; heights that deviate more count as missing.
-    missing
+    missing : {'error', 'nearest', 'harmonic'}
         Whether missing heights are an error, or replaced by those of the nearest neighbours, or by the harmonic surface
         through their neighbours.
-    interpolation
+    interpolation : {'linear', 'cubic'}
         Bilinear or bicubic interpolation.
     """
 
@@ -75,7 +77,17 @@ class MeasuredHeights(Indenter):
         check_quantities(self)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return the height above the lowest one of the map, (n,) [m], inf beyond the map.
+        """Return the height above the lowest one of the map.
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates from the axis of the indenter, (n,) each [m].
+
+        Returns
+        -------
+        Array
+            Heights, (n,) >= 0 [m], inf beyond the map.
 
         Raises
         ------
@@ -86,7 +98,18 @@ class MeasuredHeights(Indenter):
         return np.maximum(_sample(self, _modification_time(self.file)).height(x, y), 0.0)
 
     def topography(self) -> HeightMap:
-        """Return the prepared map, peaks up as they touch first. Raises CaseError as `height`."""
+        """Return the prepared map, peaks up as they touch first.
+
+        Returns
+        -------
+        HeightMap
+            The map [m].
+
+        Raises
+        ------
+        CaseError
+            As `height`.
+        """
         surface = _prepared(self, _modification_time(self.file))
         return surface if self.facing == "up" else replace(surface, heights=-surface.heights)
 

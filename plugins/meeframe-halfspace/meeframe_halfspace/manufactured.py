@@ -19,11 +19,11 @@ class GaussianLoad(ExactField):
 
     Attributes
     ----------
-    stiffness
+    stiffness : Array
         Extended stiffness (3, 5, 5, 3) [SI].
-    amplitude
+    amplitude : Array
         Amplitude (5,) [SI].
-    width, centre
+    width, centre : float and tuple of float
         Width and centre [m].
 
     Notes

@@ -37,11 +37,18 @@ _TOLERANCE = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class PointResponse:
-    """K(theta) in scaled fields; d from source to point in the axes e1, e2.
+    """Response K(theta) to a point source in scaled fields; d from source to point in the axes e1, e2.
 
-    even: (n, 2, symmetric entries) cosine and sine coefficients of harmonics 0, 2, ... (see EntryLayout); odd:
-    (n, 2, antisymmetric entries) of harmonics 1, 3, ...; factors: (fields,) of the scaling; thermal: response to heat,
-    None unless it acts on other fields.
+    Attributes
+    ----------
+    even : Array
+        Cosine and sine coefficients of the harmonics 0, 2, ..., (n, 2, symmetric entries), see EntryLayout.
+    odd : Array
+        Those of the harmonics 1, 3, ..., (n, 2, antisymmetric entries).
+    factors : Array
+        Factors of the scaling, (fields,).
+    thermal : ThermalResponse or None
+        Response to heat; None unless it acts on other fields.
     """
 
     even: Array
@@ -58,7 +65,17 @@ class PointResponse:
     def of(cls, stiffness: Array, frame: Array) -> "PointResponse":
         """Return the response of a half space.
 
-        stiffness: C_iJKm (3, fields, fields, 3) [SI]; frame: (3, 3), rows e1, e2, outward normal.
+        Parameters
+        ----------
+        stiffness : Array
+            Extended stiffness C_iJKm, (3, fields, fields, 3), SI units.
+        frame : Array
+            Rows e1, e2 and the outward normal, (3, 3).
+
+        Returns
+        -------
+        PointResponse
+            The response.
 
         Raises
         ------
@@ -85,10 +102,18 @@ class PointResponse:
         )
 
     def evaluate(self, offset: Array) -> Array:
-        """Return displacement and potentials per unit of a point force, charge and flux at offsets (n, 2) [m].
+        """Return displacement and potentials per unit of a point force, charge and flux.
 
-        (n, fields, fields) in SI units. Rows (u.e1, u.e2, u.nu, phi, psi), columns (force along e1, e2, nu; total of q;
-        total of s).
+        Parameters
+        ----------
+        offset : Array
+            Offsets from the source along e1 and e2, (n, 2) [m].
+
+        Returns
+        -------
+        Array
+            Responses, (n, fields, fields), SI units. Rows (u.e1, u.e2, u.nu, phi, psi), columns (force along e1, e2,
+            nu; total of q; total of s).
         """
         r, theta = np.hypot(*offset.T), np.arctan2(offset[:, 1], offset[:, 0])
         values = np.concatenate([_sum(self.even, 2 * theta, 0.0), _sum(self.odd, 2 * theta, theta)], axis=1)
@@ -96,7 +121,20 @@ class PointResponse:
         return matrix
 
     def entry(self, number: int) -> tuple[Array, bool]:
-        """Return the series (n, 2) of an entry without zeros at its end, and True if its harmonics are odd."""
+        """Return the series of an entry without zeros at its end.
+
+        Parameters
+        ----------
+        number : int
+            Number of the entry in the layout.
+
+        Returns
+        -------
+        Array
+            Cosine and sine coefficients, (n, 2).
+        bool
+            True if the harmonics are odd.
+        """
         if self.thermal is not None and number >= self.layout.n_hermitian:
             return self.thermal.entry(number - self.layout.n_hermitian)
         return series_entry(self.even, self.odd, number)
@@ -158,11 +196,32 @@ def scaled_compliance(stiffness: Array, frame: Array, angles: Array) -> NDArray[
 
 
 def indentation_modulus(stiffness: Array, normal: ArrayLike = (0.0, 0.0, 1.0)) -> float:
-    """Return the modulus M [Pa] of a frictionless insulating indenter on the surface with this outward normal (3,).
+    """Return the modulus of a frictionless insulating indenter on a half space.
 
-    The normal point response, averaged over all directions, is that of an isotropic half space with M = E/(1 - nu^2).
-    A round punch, sphere or cone meets M exactly where the response does not depend on direction, and to first order
-    of its variation elsewhere. Source: Vlassak and Nix, Philos. Mag. A 67 (1993) 1045. Raises as PointResponse.of.
+    The normal point response, averaged over all directions, is that of an isotropic half space with M = E/(1 - nu^2). A
+    round punch, sphere or cone meets M exactly where the response does not depend on direction, and to first order of
+    its variation elsewhere.
+
+    Parameters
+    ----------
+    stiffness : Array
+        Extended stiffness C_iJKm, (3, fields, fields, 3), SI units.
+    normal : array_like, optional
+        Outward normal of the surface, (3,), of any length; along x3 by default.
+
+    Returns
+    -------
+    float
+        Modulus M [Pa].
+
+    Raises
+    ------
+    MaterialError
+        As `PointResponse.of`.
+
+    References
+    ----------
+    Vlassak and Nix, Philos. Mag. A 67 (1993) 1045.
     """
     nu = np.asarray(normal, float) / np.linalg.norm(normal)
     response = PointResponse.of(stiffness, local_frames(nu[None])[0])

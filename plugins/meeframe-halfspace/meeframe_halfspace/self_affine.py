@@ -29,20 +29,20 @@ class SelfAffine(Indenter):
 
     Attributes
     ----------
-    period
+    period : float
         Period along x and y.
-    shortest
+    shortest : float
         Shortest wavelength.
-    hurst
+    hurst : float
         Hurst exponent.
-    rms_height, rms_slope
+    rms_height, rms_slope : float or None
         Root mean square height or slope.
-    roll_off
+    roll_off : float or None
         Roll-off wavelength; by default the period.
-    seed
+    seed : int
         Seed of the phases. Waves are numbered from the longest on, so that a shorter cut-off adds waves and leaves the
         long ones unchanged.
-    samples
+    samples : int or None
         Samples along the period, at the midpoints of equal intervals; a contact zone of samples - 1 divisions, one
         interval shorter than the period, has its nodes there.
     """
@@ -86,9 +86,12 @@ class SelfAffine(Indenter):
         return count, count
 
     def surface(self) -> Array:
-        """Return the heights about their mean, (samples, samples) [m].
+        """Return the heights about their mean.
 
-        They are at x and y = (i + 1/2) period / samples - period / 2.
+        Returns
+        -------
+        Array
+            Heights, (samples, samples) [m], at x and y = (i + 1/2) period / samples - period / 2.
         """
         return _surface(self)
 
@@ -99,7 +102,18 @@ class SelfAffine(Indenter):
         return HeightMap(axis, axis, -heights, is_periodic=True)
 
     def height(self, x: Array, y: Array) -> Array:
-        """Return the height above the lowest sample, (n,) [m]."""
+        """Return the height above the lowest sample.
+
+        Parameters
+        ----------
+        x, y : Array
+            Coordinates, (n,) each [m]; the surface is periodic.
+
+        Returns
+        -------
+        Array
+            Heights, (n,) >= 0 [m].
+        """
         spline, lowest, count = _spline(self)
         positions = (np.array([x, y]) / self.period + 0.5) * count - 0.5
         heights: Array = (

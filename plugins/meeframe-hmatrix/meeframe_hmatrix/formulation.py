@@ -76,14 +76,14 @@ class HierarchicalBEM(PersistentFormulation):
 
     Attributes
     ----------
-    tolerance
+    tolerance : float
         Approximate relative error of displacements due to all approximations: element integrals, blocks in assembly and
         elimination. The smallest value is that of the tabulated kernel.
-    fundamental_solution
+    fundamental_solution : FundamentalSolution
         Fundamental solution.
-    edge_angle
+    edge_angle : float
         Tractions are discontinuous where normals of neighbouring elements differ by more than this angle [rad].
-    leaf_size
+    leaf_size : int
         Largest number of mesh points in a leaf of the cluster tree. A smaller number costs more time for each block, a
         larger one more memory; the default is the fastest measured.
     """
@@ -101,11 +101,22 @@ class HierarchicalBEM(PersistentFormulation):
     def check(self, body: Body) -> None:
         """Check mesh, boundary conditions, material and memory.
 
-        Raises MeshError unless the mesh is a closed surface with outward normals; CaseError if boundary conditions
-        contradict each other, touch the contact zone or leave a field undetermined, if there is no contact zone, or if
-        heat acts on the other fields of a semi-infinite body;
-        TooLargeError if the matrices would not fit into this machine's memory; MaterialError if the fundamental
-        solution does not apply, or the material is too near to inadmissible.
+        Parameters
+        ----------
+        body : Body
+            The body.
+
+        Raises
+        ------
+        MeshError
+            If the mesh is not a closed surface with outward normals.
+        CaseError
+            If boundary conditions contradict each other, touch the contact zone or leave a field undetermined, if there
+            is no contact zone, or if heat acts on the other fields of a semi-infinite body.
+        TooLargeError
+            If the matrices would not fit into this machine's memory.
+        MaterialError
+            If the fundamental solution does not apply, or the material is too near to inadmissible.
         """
         if body.contact_group is None:
             raise CaseError("this body has no contact zone to condense to")
@@ -122,7 +133,18 @@ class HierarchicalBEM(PersistentFormulation):
         return True
 
     def warnings(self, body: Body) -> tuple[str, ...]:
-        """Return warnings about slender parts, whose bending may be inaccurate, for a body accepted by check."""
+        """Return warnings about slender parts, whose bending may be inaccurate.
+
+        Parameters
+        ----------
+        body : Body
+            A body that `check` accepts.
+
+        Returns
+        -------
+        tuple of str
+            The warnings.
+        """
         if self.tolerance <= BENDING_TOLERANCE:
             return bending_warnings(body)
         return bending_warnings(
@@ -130,7 +152,27 @@ class HierarchicalBEM(PersistentFormulation):
         )
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
-        """Assemble, eliminate, condense to the contact zone. Raises as check, and CaseError if it is singular."""
+        """Assemble, eliminate and condense to the contact zone.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+        progress : callable, optional
+            Function that is called with the name of a stage and the fraction of it that is done.
+
+        Returns
+        -------
+        ReducedSystem
+            The system, with a compliance in hierarchical matrices.
+
+        Raises
+        ------
+        CaseError
+            If the system is singular; also as `check`.
+        MeshError, TooLargeError, MaterialError
+            As `check`.
+        """
         progress("fundamental solution", 0.0)
         self.check(body)
         boundary = self.boundary(body, progress)
@@ -155,7 +197,25 @@ class HierarchicalBEM(PersistentFormulation):
         return HierarchicalSystem(zone.points, zone.frames, zone.weights, zone.cells, offset, *arrays, groups=groups)
 
     def from_arrays(self, body: Body, arrays: Mapping[str, AnyArray]) -> ReducedSystem:
-        """Return a system from its arrays; `recover` then needs assembly and elimination again."""
+        """Restore a reduced system that was stored as arrays; `recover` then needs assembly and elimination again.
+
+        Parameters
+        ----------
+        body : Body
+            The body that was reduced.
+        arrays : dict of str to array
+            Arrays of `Persistence.to_arrays`.
+
+        Returns
+        -------
+        ReducedSystem
+            The system.
+
+        Raises
+        ------
+        ValueError
+            If these are not the arrays of such a system.
+        """
         names = (*ARRAYS, "table", "numbers")
         if set(arrays) != set(names):
             raise ValueError(
@@ -183,7 +243,20 @@ class HierarchicalBEM(PersistentFormulation):
         )
 
     def boundary(self, body: Body, progress: Progress = silent) -> BoundarySystem:
-        """Return the system of the whole boundary with its factors, without checks."""
+        """Return the system of the whole boundary with its factors, without checks.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+        progress : callable, optional
+            Function that is called with the name of a stage and the fraction of it that is done.
+
+        Returns
+        -------
+        BoundarySystem
+            The boundary system, whose unknowns are in the units of `Units`.
+        """
         stiffness = body.scaled_stiffness
         accuracy = Accuracy(QUADRATURE_TOLERANCE_RATIO * self.tolerance, anisotropy(stiffness))
         layout, units = self._layout(body)

@@ -62,7 +62,18 @@ class SlipWeakening(ContactLaw):
             )
 
     def coefficient(self, slip_path: Array) -> Array:
-        """Return mu, (n,), after slip paths (n,) [m]."""
+        """Return the friction coefficient after some slip.
+
+        Parameters
+        ----------
+        slip_path : Array
+            Slip paths, (n,) >= 0 [m].
+
+        Returns
+        -------
+        Array
+            Coefficients, (n,), from mu_static to mu_kinetic.
+        """
         strength = np.maximum(self.slip_distance - slip_path, 0.0) / self.slip_distance
         mu: Array = self.mu_kinetic + (self.mu_static - self.mu_kinetic) * strength
         return mu
@@ -145,7 +156,18 @@ class RateAndPressure(ContactLaw):
         check_quantities(self)
 
     def coefficient(self, speed: Array) -> Array:
-        """Return mu(v), (n,), at speeds (n,) >= 0 [m/s]."""
+        """Return the friction coefficient mu(v) at the reference pressure.
+
+        Parameters
+        ----------
+        speed : Array
+            Speeds of slip, (n,) >= 0 [m/s].
+
+        Returns
+        -------
+        Array
+            Coefficients, (n,).
+        """
         with np.errstate(over="ignore"):  # the speed is then infinite
             static = np.exp(-((speed / self.reference_speed) ** self.speed_exponent))
         mu: Array = self.mu_kinetic + (self.mu_static - self.mu_kinetic) * static
@@ -159,7 +181,20 @@ class RateAndPressure(ContactLaw):
         return np.where(np.isfinite(slope) & (speed > 0.0), slope, 0.0)
 
     def limit(self, trial: Array, mu: Array | float) -> Array:
-        """Return the largest tangential traction (n,) [Pa] for trials (n, 3) and coefficients mu (n,)."""
+        """Return the largest tangential traction.
+
+        Parameters
+        ----------
+        trial : Array
+            Trial tractions, (n, 3) [Pa], along e1, e2, nu.
+        mu : Array or float
+            Friction coefficients at the reference pressure, (n,).
+
+        Returns
+        -------
+        Array
+            Limits, (n,) >= 0 [Pa].
+        """
         pressure = contact_pressure(trial)
         n = self.pressure_exponent
         limit: Array = mu * self.reference_pressure ** (1.0 - n) * pressure**n

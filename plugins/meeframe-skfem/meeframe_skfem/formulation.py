@@ -42,14 +42,32 @@ class FiniteElements(Formulation):
     hex20 under quad8, hex27 under quad9. Other bodies come with a volume mesh of hex8, hex20, hex27 or tet10. Layers on
     a rigid base are the box below the mesh of the half space; so is a half space without base for a `depth`.
 
-    growth: largest ratio of the widths of successive elements, outside the zone and downwards; outside: elements from
-    the zone to each edge of the box instead; layers: elements from the zone's face to the opposite one instead, not
-    with shells; grid: 'tensor', lines of the zone through the whole box, or 'shells' around a cube under the zone;
-    volume: file of a volume mesh, any that meshio reads, whose boundary is the surface mesh; unit: metres in the file's
-    unit; linear_solver: pardiso (with pypardiso) or splu; auto takes pardiso where it is installed; edge_angle: fluxes
-    are discontinuous where normals of neighbouring faces differ by more than this [rad]; depth: of the box that stands
-    for a half space without rigid base [m], at whose sides and base displacements and potentials are zero.
-    Raises CaseError if one is not allowed.
+    Attributes
+    ----------
+    growth : float
+        Largest ratio of the widths of successive elements, outside the zone and downwards, >= 1.
+    outside : int or None
+        Elements from the zone to each edge of the box, instead of those that follow from `growth`.
+    layers : int or None
+        Elements from the zone's face to the opposite one, likewise; not with shells.
+    grid : {'tensor', 'shells'}
+        Lines of the zone through the whole box, or shells around a cube under the zone.
+    volume : Path or None
+        File of a volume mesh, any that meshio reads, whose boundary is the surface mesh.
+    unit : float
+        Metres in the unit of the file.
+    linear_solver : {'auto', 'pardiso', 'splu'}
+        Linear solver; auto takes pardiso (with pypardiso) where it is installed, else splu.
+    edge_angle : float
+        Fluxes are discontinuous where normals of neighbouring faces differ by more than this angle [rad].
+    depth : float or None
+        Depth of the box that stands for a half space without rigid base [m], at whose sides and base displacements and
+        potentials are zero.
+
+    Raises
+    ------
+    CaseError
+        If one of them is not allowed.
     """
 
     growth: Annotated[float, Quantity("", ge=1, lt=10)] = 1.5
@@ -79,9 +97,19 @@ class FiniteElements(Formulation):
     def check(self, body: Body) -> None:
         """Make the mesh and number the unknowns, without computing anything.
 
-        Raises MeshError if the surface is not closed, if the body is neither a box nor has a volume mesh, or if that
-        does not fit it; CaseError if boundary conditions contradict each other, touch the contact zone or leave a field
-        undetermined, if layers do not fit the mesh or its keys, or if the linear solver is not installed.
+        Parameters
+        ----------
+        body : Body
+            The body.
+
+        Raises
+        ------
+        MeshError
+            If the surface is not closed, if the body is neither a box nor has a volume mesh, or if that does not fit
+            it.
+        CaseError
+            If boundary conditions contradict each other, touch the contact zone or leave a field undetermined, if
+            layers do not fit the mesh or its keys, or if the linear solver is not installed.
         """
         self._prepare(body)
 
@@ -94,10 +122,27 @@ class FiniteElements(Formulation):
         return True
 
     def reduce(self, body: Body, progress: Progress = silent) -> ReducedSystem:
-        """Assemble, factorise once, condense to the contact zone.
+        """Assemble, factorise once and condense to the contact zone.
 
-        Raises as check, and CaseError if the system is singular, or if nodes of the zone move towards a pressure on
-        them, as corners of quad8 do under strong coupling; no contact law is meaningful there.
+        Parameters
+        ----------
+        body : Body
+            The body.
+        progress : callable, optional
+            Function that is called with the name of a stage and the fraction of it that is done.
+
+        Returns
+        -------
+        ReducedSystem
+            A `DenseSystem`.
+
+        Raises
+        ------
+        MeshError
+            As `check`.
+        CaseError
+            As `check`; if the system is singular; or if nodes of the zone move towards a pressure on them, as corners
+            of quad8 do under strong coupling: no contact law is meaningful there.
         """
         solution = self.solve(body, progress)
         zone = solution.matched.zone
@@ -109,7 +154,25 @@ class FiniteElements(Formulation):
         return system
 
     def solve(self, body: Body, progress: Progress = silent) -> FiniteElementSolution:
-        """Return the factorised system, which also gives the values in the volume. Raises as reduce."""
+        """Return the factorised system, which also gives the values in the volume.
+
+        Parameters
+        ----------
+        body : Body
+            The body.
+        progress : callable, optional
+            Function that is called with the name of a stage and the fraction of it that is done.
+
+        Returns
+        -------
+        FiniteElementSolution
+            The factorised system.
+
+        Raises
+        ------
+        MeshError, CaseError
+            As `reduce`.
+        """
         progress("mesh", 0.0)
         return solve_body(*self._prepare(body), self.linear_solver, progress)
 
