@@ -239,6 +239,11 @@ def is_adhesive(law: ContactLaw) -> bool:
     return hasattr(law, "adhesion")
 
 
+def has_friction(law: ContactLaw) -> bool:
+    """Return whether a law admits tangential tractions."""
+    return bool(law.tangential_scaling().any())
+
+
 def has_memory(law: ContactLaw) -> bool:
     """Return whether the law has `for_increment`."""
     return hasattr(law, "for_increment")

@@ -15,7 +15,7 @@ from meeframe.contact.scales import largest
 from meeframe.fields import Array, Indices
 from meeframe.indenters import longest_side
 from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMotions, MotionModes
-from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, is_adhesive
+from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, has_friction, is_adhesive
 from meeframe.mesh.body import Body
 from meeframe.mesh.measures import corners
 from meeframe.mesh.regular import GridCells, extreme_points, grid_shape, outermost_cells
@@ -222,7 +222,7 @@ def diagnostics_on_end(zone: Zone, step: StepResult, law: ContactLaw, onsets: Co
     shear, pressure = (np.linalg.norm(traction) for traction in (step.traction[late, :2], step.traction[late, 2]))
     # on coarse meshes equidistant nodes come into contact together, whatever the increments
     much = new.max() > max(_LARGEST_ONSET * count, at_edge / 2) and step.loading.rolling is None
-    if law.tangential_scaling().any() and much and shear > _NEGLIGIBLE_RATIO * pressure:
+    if has_friction(law) and much and shear > _NEGLIGIBLE_RATIO * pressure:
         yield (
             f"{new.max() / count:.0%} of the contact formed in one increment, and its slip includes motion before it "
             "touched: use more `increments`"
@@ -238,7 +238,7 @@ def _failed_onset(step: StepResult, law: ContactLaw, onsets: ContactOnsets) -> I
 
     onsets: after the increment, so that they end with the last converged state.
     """
-    if step.status is Status.CONVERGED or step.loading.rolling is not None or not law.tangential_scaling().any():
+    if step.status is Status.CONVERGED or step.loading.rolling is not None or not has_friction(law):
         return
     new = int((step.touching & ~onsets.touching).sum()) / max(1, int(step.touching.sum()))
     if new > _LARGEST_ONSET:
@@ -283,7 +283,7 @@ def _slides(zone: Zone, step: StepResult, law: ContactLaw) -> bool:
     prescribed = [columns.get(key) for key in step.loading.prescribed]
     free = [key for key in ("tangential_force", "torque") if RIGID_RESULTANTS[key] in prescribed]
     slips = step.region == Region.SLIP
-    if not free or not slips.any() or not law.tangential_scaling().any():
+    if not free or not slips.any() or not has_friction(law):
         return False
     numbers = np.concatenate([np.r_[RIGID_RESULTANTS[key]] for key in free])
     every = MotionModes(zone.points, zone.frames, step.loading.axes, step.loading.reference)

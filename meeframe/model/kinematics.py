@@ -23,7 +23,7 @@ from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, POTENTIALS, Array, Indices
 from meeframe.indenters import find_indenter_edge, initial_gap, longest_side
 from meeframe.indenters.base import FORCE_RATIO, N_RIGID, MotionModes, motion_density, total_resultants
-from meeframe.laws.base import augmented_traction, is_adhesive, resolve
+from meeframe.laws.base import augmented_traction, has_friction, is_adhesive, resolve
 from meeframe.laws.wear import WearingContact
 from meeframe.mesh import ContactZone
 from meeframe.model.conduction import watched
@@ -416,6 +416,6 @@ def regions(increment: Increment, solution: ContactSolution, slip: Array, touche
         max(_MAX_STICK_SLIP, _MAX_STICK_SLIP_RATIO * solution.residual) * scales.pressure * scales.normal_compliance
     )
     region = np.where(touches, np.int8(Region.SLIP), np.int8(Region.OPEN))
-    if increment.problem.contact_law.tangential_scaling().any():
+    if has_friction(increment.problem.contact_law):
         region[touches & ~(np.linalg.norm(slip, axis=1) > resolution)] = Region.STICK
     return region

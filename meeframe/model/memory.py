@@ -6,7 +6,7 @@ from typing import Final
 from meeframe.common.memory import usable_memory
 from meeframe.contact.channels import FluxChannel
 from meeframe.fields import N_MECHANICAL
-from meeframe.laws.base import ContactLaw
+from meeframe.laws.base import ContactLaw, has_friction
 from meeframe.mesh.generators import BASE_BYTES, BYTES_PER_NODE, check_grid_memory
 from meeframe.mesh.surface import SurfaceMesh
 
@@ -34,7 +34,7 @@ def required_memory(nodes: int, law: ContactLaw, channels: Iterable[FluxChannel]
 
 def _bytes_per_node(law: ContactLaw, channels: Iterable[FluxChannel], has_reports: bool) -> int:
     """Return the memory per node: friction loads two fields besides the pressure, and each conducting law one."""
-    tangential = N_MECHANICAL - 1 if law.tangential_scaling().any() else 0
+    tangential = N_MECHANICAL - 1 if has_friction(law) else 0
     fluxes = sum(channel.is_conducting for channel in channels)
     reports = BYTES_PER_NODE_OF_REPORTS if has_reports else 0
     return BYTES_PER_NODE + tangential * BYTES_PER_TANGENTIAL_FIELD + max(fluxes * BYTES_PER_FLUX, reports)

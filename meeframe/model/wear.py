@@ -8,7 +8,7 @@ import numpy as np
 from meeframe.common.errors import CaseError
 from meeframe.contact.problem import ContactProblem, ContactState, contact_gap
 from meeframe.fields import Array
-from meeframe.laws.base import ContactLaw, is_adhesive, resolve
+from meeframe.laws.base import ContactLaw, has_friction, is_adhesive, resolve
 from meeframe.laws.wear import WearingContact, WearLaw
 from meeframe.model.step import Step
 
@@ -63,7 +63,7 @@ def check_sliding(step: Step, number: int, contact_law: ContactLaw, law: WearLaw
             extent = "number of cycles"
     if law is None and extent:
         raise CaseError(f"load step {number} has a {extent}, which concerns wear alone; allowed: with [contact.wear]")
-    if step.sliding and contact_law.tangential_scaling().any():
+    if step.sliding and has_friction(contact_law):
         raise CaseError(
             f"load step {number} has a sliding distance, which has no direction, under friction, which needs one; "
             "allowed: a translation or a twist in its place, whose slip wears too, or a contact law without friction"

@@ -11,6 +11,7 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from meeframe.common.json_values import plain
 from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
 from meeframe.fields import Array, FieldSet
@@ -95,14 +96,13 @@ def _run(result: Result) -> dict[str, Any]:
         "planned_increments": result.planned_steps,
         "load_steps": _load_steps(result),
     }
-    plain: dict[str, Any] = _plain(data)
-    return plain
+    return {name: plain(value) for name, value in data.items()}
 
 
 def _entries(result: Result) -> Iterator[dict[str, Any]]:
     """Yield the entries of all increments."""
     for digest in digests(result):
-        yield {name: _plain(value) for name, value in digest.items() if name != FLUX_MODULI}
+        yield {name: plain(value) for name, value in digest.items() if name != FLUX_MODULI}
 
 
 def _load_steps(result: Result) -> list[dict[str, Any]]:
@@ -116,16 +116,6 @@ def _load_steps(result: Result) -> list[dict[str, Any]]:
         {"step": number, "increments": count, "dissipated_energy": energies[number]}
         for number, count in sorted(counts.items())
     ]
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [_plain(item) for item in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def summary_table(result: Result, which: Sequence[Which] = (), width: int = 120) -> RenderableType:

@@ -8,6 +8,7 @@ import numpy as np
 
 from meeframe.common.errors import named_in
 from meeframe.fields import N_MECHANICAL, THERMAL_FIELD
+from meeframe.laws.base import has_friction
 from meeframe.mesh.body import Body
 from meeframe.model.case import Case
 from meeframe.model.clock import Clock, peak_memory_mb
@@ -86,7 +87,7 @@ def stored_fields(case: Case) -> frozenset[str]:
     distance, are always stored, because they cannot be computed from its displacements alone.
     """
     needed = case.restart is not None or any(step.sliding is not None for step in case.steps)
-    loaded = loaded_fields(needed or bool(case.contact_law.tangential_scaling().any()))
+    loaded = loaded_fields(needed or has_friction(case.contact_law))
     if case.output.fields is None:
         return loaded
     return frozenset(case.output.fields) | (loaded_fields(True) - loaded_fields(False) if needed else frozenset())
@@ -97,7 +98,7 @@ def possible_phenomena(case: Case) -> set[str]:
 
     See `meeframe.results.schema.is_present`.
     """
-    friction = case.restart is not None or bool(case.contact_law.tangential_scaling().any())
+    friction = case.restart is not None or has_friction(case.contact_law)
     phenomena = {FRICTION, SLIP} if friction else set()
     if case.wear is not None:
         phenomena |= {WEAR, SLIP}

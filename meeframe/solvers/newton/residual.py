@@ -44,6 +44,7 @@ from meeframe.laws.base import (
     augmented_traction,
     contact_traction,
     fixed_point_map,
+    has_friction,
     is_adhesive,
     traction_tangents,
 )
@@ -119,12 +120,12 @@ class ContactResidual:
         couplings = blocks[distinct, 2, POTENTIALS] / self_compliance[distinct]
         normal_coupling = np.broadcast_to(couplings, self_compliance.shape)
         units = motion_scales(full_problem, scales)
-        has_friction = bool(problem.contact_law.tangential_scaling().any())
+        frictional = has_friction(problem.contact_law)
         conducts = [channel.is_conducting for channel in problem.channels]
         heated = thermal_channel(problem)
         if heated is not None:
             conducts[heated] = True
-        loaded = np.flatnonzero([has_friction, has_friction, True, *conducts]).tolist()
+        loaded = np.flatnonzero([frictional, frictional, True, *conducts]).tolist()
         system = problem.system
         approximate = system.capability(ApproximateInverse) if system.dense() is None else None
         series, inverse = closed_resistances(problem, scales.pressure), None

@@ -12,6 +12,7 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from meeframe.common.json_values import plain
 from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
 from meeframe.fields import MEE, Array, FieldSet
@@ -229,7 +230,7 @@ def _numbers(run: ComparedRun, comparison: Comparison) -> dict[str, Any]:
         "increments": [_increment(run.zone, step) for step in run.steps],
         "differences": differences(run, comparison),
         "points": run.zone.points.tolist(),
-        "fields": {name: _plain(field.values(run.zone, compared)) for name, field in _fields(run.fields).items()}
+        "fields": {name: plain(field.values(run.zone, compared)) for name, field in _fields(run.fields).items()}
         if compared
         else {},
     }
@@ -242,16 +243,9 @@ def _increment(zone: Zone, step: StepResult) -> dict[str, Any]:
         "increment": step.increment,
         "status": str(step.status),
         "iterations": step.iterations,
-        "residual": _plain(step.residual),
-        **{name: _plain(totals[name]) for name in _totals(step.fields)},
+        "residual": plain(step.residual),
+        **{name: plain(totals[name]) for name in _totals(step.fields)},
     }
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as lists and numbers of JSON."""
-    if isinstance(value, np.ndarray | list):
-        return [_plain(item) for item in value]
-    return float(value) if math.isfinite(value) else None
 
 
 def comparison_table(comparison: Comparison) -> RenderableType:

@@ -1,7 +1,6 @@
 """Table of a validation for the terminal, and its JSON."""
 
 import json
-import math
 from collections.abc import Iterator
 from textwrap import shorten
 from typing import Any, Final, NamedTuple
@@ -10,6 +9,7 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from meeframe.common.json_values import plain
 from meeframe.common.literal import LiteralTable
 from meeframe.results.canvas import prefixed
 from meeframe.study.reports.validation import CaseReport, Check, Claim, Row, Skip, Validation, Verdict
@@ -116,11 +116,10 @@ def _rows(case: CaseReport) -> Iterator[dict[str, Any]]:
     for row in case.rows:
         result = row.item
         values = vars(result) | ({"difference": result.difference} if isinstance(result, Check) else {})
-        plain = {key: _plain(value) for key, value in values.items() if value != ""}
-        yield {"kind": type(result).__name__.lower(), **plain, "verdict": str(result.verdict), "seconds": row.seconds}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value
+        shown = {key: value for key, value in values.items() if value != ""}
+        yield {
+            "kind": type(result).__name__.lower(),
+            **plain(shown),
+            "verdict": str(result.verdict),
+            "seconds": row.seconds,
+        }

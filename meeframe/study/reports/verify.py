@@ -2,13 +2,13 @@
 
 import json
 import math
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from meeframe.common.json_values import plain
 from meeframe.common.literal import LiteralTable
 from meeframe.contact.problem import Status
 from meeframe.fields import MEE, FieldSet
@@ -25,7 +25,7 @@ _COLUMNS: Final = 3
 
 def verification_json(verification: Verification) -> str:
     """Return all numbers as JSON: runs, extrapolated values with errors, and comparisons; null if not finite."""
-    return json.dumps(_plain(_numbers(verification)), indent=1, allow_nan=False) + "\n"
+    return json.dumps(plain(_numbers(verification)), indent=1, allow_nan=False) + "\n"
 
 
 def _numbers(verification: Verification) -> dict[str, Any]:
@@ -84,17 +84,6 @@ def _agreement(agreement: Agreement) -> dict[str, Any]:
         "scale": agreement.scale,
         "verdict": agreement.verdict,
     }
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as lists, tables and numbers of JSON."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
 
 
 def verification_table(verification: Verification) -> RenderableType:
