@@ -159,20 +159,20 @@ class NormalModes:
         """
         clipped = np.clip(pressure, 0.0, self.bound)
         shifted, side = pressure, np.sign(pressure - clipped)
-        excess, whole = self.measure @ clipped - resultants, self.measure @ self.mode.T
+        excess, total_gram = self.measure @ clipped - resultants, self.measure @ self.mode.T
         for _ in range(MAX_ROUNDS):
             if (np.abs(excess) <= RESULTANT_ROUND_OFF * (np.abs(self.measure) @ clipped + np.abs(resultants))).all():
                 break
             gram = np.where(side == 0.0, self.measure, 0.0) @ self.mode.T
-            step, last, last_excess, last_shifted = _solve(gram + REGULARISATION * whole, excess), side, excess, shifted
+            step, last = _solve(gram + REGULARISATION * total_gram, excess), (shifted, side, excess)
             for fraction in FRACTIONS:
-                shifted = last_shifted - fraction * step @ self.mode
+                shifted = last[0] - fraction * step @ self.mode
                 clipped = np.clip(shifted, 0.0, self.bound)
                 excess = self.measure @ clipped - resultants
-                if excess @ step >= -MAX_OVERSHOOT * (last_excess @ step):
+                if excess @ step >= -MAX_OVERSHOOT * (last[2] @ step):
                     break
             side = np.sign(shifted - clipped)
-            if fraction == 1.0 and not side.all() and np.array_equal(side, last):
+            if fraction == 1.0 and not side.all() and np.array_equal(side, last[1]):
                 break  # the step was exact
         return clipped
 
