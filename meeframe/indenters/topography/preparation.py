@@ -210,15 +210,15 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
     if min(surface.shape) < 4:
         raise CaseError(f"resample: {surface.shape} points; allowed: at least 4 along each side of a spline")
     old = surface.x, surface.y
-    new = tuple(np.linspace(axis[0], axis[-1], count) for axis, count in zip(old, shape, strict=True))
+    x, y = (np.linspace(axis[0], axis[-1], count) for axis, count in zip(old, shape, strict=True))
     # averages over the narrower cells at the border would change a tilted map
     heights = detrend(surface).heights
     ends = [0, -1]
     corners = (surface.heights - heights)[np.ix_(ends, ends)]
     plane = scipy.interpolate.RectBivariateSpline(surface.x[ends], surface.y[ends], corners, kx=1, ky=1)
-    for axis in (0, 1):
-        heights = _resample_between_borders(heights, old[axis], new[axis], axis)
-    return HeightMap(*new, heights + plane(*new))
+    for axis, new in enumerate((x, y)):
+        heights = _resample_between_borders(heights, old[axis], new, axis)
+    return HeightMap(x, y, heights + plane(x, y))
 
 
 def _resample_between_borders(heights: Array, old: Array, new: Array, axis: int) -> Array:
