@@ -7,7 +7,7 @@ import typer
 
 from meeframe.cli import console
 from meeframe.cli.app import CaseFile, PictureFormat, PluginFiles, Threads, app
-from meeframe.common.literal import printable
+from meeframe.common.literal import LiteralConsole, printable
 
 
 @app.command()
@@ -65,7 +65,7 @@ def check(case: CaseFile, plugin: PluginFiles = None) -> None:
 
 @app.command()
 def show(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run, or of a study of a rough surface.")],
     step: Annotated[
         list[str] | None,
         typer.Option(
@@ -95,7 +95,7 @@ def show(
     threads: Threads = None,
     plugin: PluginFiles = None,
 ) -> None:
-    """Print the summary of a run as a table.
+    """Print the summary of a run, or of a study of a rough surface, as a table.
 
     With --interior, the body of the case is reduced again, and the fields after an increment, by default that of the
     peak load, are evaluated in a box under the contact. Their largest values are printed, and so are the largest
@@ -104,10 +104,13 @@ def show(
     """
     with console.exit_status():
         from meeframe.results.files import read_result
+        from meeframe.results.output import RESULT_FILE
         from meeframe.results.summary import summary_table
 
-        result = read_result(folder)
         output = console.stdout()
+        if not (folder / RESULT_FILE).exists() and _show_study(folder, bool(step or interior), output):
+            return
+        result = read_result(folder)
         output.print(summary_table(result, step or (), output.width))
         if not interior:
             return
@@ -131,6 +134,20 @@ def show(
         if interfaces:
             console.stdout().print(interfaces_table(interfaces))
         print(f"fields: {folder / INTERIOR_FILE}, section: {folder / INTERIOR_PICTURE}.{format}")
+
+
+def _show_study(folder: Path, has_options: bool, output: LiteralConsole) -> bool:
+    """Print the table and the files of the study of a rough surface in a folder; return false if there is none."""
+    from meeframe.common.errors import CaseError
+    from meeframe.study.rough.files import DATASET_FILE, FILES, stored_table
+
+    if not (folder / DATASET_FILE).is_file():
+        return False
+    if has_options:
+        raise CaseError(f"{folder}: holds a study of a rough surface; allowed: --step and --interior for runs only")
+    output.print(stored_table(folder))
+    print(f"files: {', '.join(str(folder / name) for name in FILES if (folder / name).is_file())}")
+    return True
 
 
 @app.command()

@@ -10,6 +10,7 @@ Insufficient friction shows once every law is satisfied, everything that resists
 So does insufficient pressure for a prescribed charge or flux: every law is satisfied, but no node conducts.
 """
 
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -17,17 +18,25 @@ import scipy  # submodules are loaded on first use
 
 from meeframe.contact.conduction import potential_diagonal, resistances
 from meeframe.contact.free_motion import maximal_traction, motions, potentials, reserve
-from meeframe.contact.nested import has_nodal_data
+from meeframe.contact.nested import has_nodal_data, on_sample
 from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, unbalance
 from meeframe.contact.residual import law_violation
 from meeframe.contact.scales import Scales, largest
 from meeframe.fields import MECHANICAL, N_MECHANICAL, NORMAL, Array
-from meeframe.laws.base import ContactLaw, contact_traction, is_adhesive
+from meeframe.laws.base import ContactLaw, contact_traction, is_adhesive, is_pure_projection
 
 TOLERANCE: Final = 1e-6
 MAX_GENERATORS: Final = 200
 MAX_COMPRESSION: Final = 1e30
 """Normal traction [Pa] beyond any that a contact law without a bound returns as it is."""
+TRIAL_TRACTIONS: Final = tuple(
+    pressure * np.array(trial)
+    for pressure in (1e-3, 1.0, 1e4, 1e8, 1e12)
+    for trial in ([0.5, 0.5, -1.0], [0.5, 0.0, 1.0])
+)
+"""Trial tractions of pressed and open nodes [Pa], up to pressures beyond any material's."""
+LAW_TOLERANCE: Final = 1e-12
+"""Largest relative deviation of a traction due to round-off."""
 MIN_INFEASIBLE_FRACTION: Final = 0.5
 """Least fraction of the missed resultants that must be infeasible under the present pressures."""
 MAX_VIOLATION_RATIO: Final = 0.1
@@ -112,6 +121,36 @@ def largest_pressures(law: ContactLaw, n: int) -> Array:
     trial = np.tile([0.0, 0.0, -MAX_COMPRESSION], (n if has_nodal_data(law, n) else 1, 1))
     bound = -law.project(trial)[:, NORMAL]
     return np.full(len(bound), np.inf) if is_adhesive(law) or not bound.max() < MAX_COMPRESSION / 2.0 else bound
+
+
+def frictionless_bound(law: ContactLaw, n: int) -> float | None:
+    """Return the largest pressure of a law of frictionless, unilateral contact without attraction; None for other laws.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        Law.
+    n : int
+        Number of nodes.
+
+    Returns
+    -------
+    float or None
+        Pressure [Pa], inf without a bound; None also if it is not the same at all nodes.
+    """
+    is_projection = is_pure_projection(law) and not law.tangential_scaling().any()
+    return on_sample(law, n, partial(_bound_of_trials, law)) if is_projection else None
+
+
+def _bound_of_trials(law: ContactLaw, n: int) -> float | None:
+    """Return the largest pressure if trials at n nodes are projected between it and zero, else None."""
+    bound = float(-law.project(np.tile([0.0, 0.0, -MAX_COMPRESSION], (n, 1)))[:, NORMAL].min())
+    for trial in TRIAL_TRACTIONS:
+        expected = np.array([0.0, 0.0, np.clip(trial[NORMAL], -bound, 0.0)])
+        deviation = np.abs(law.project(np.tile(trial, (n, 1))) - expected)
+        if not (deviation <= LAW_TOLERANCE * np.abs(expected)).all():
+            return None
+    return bound if bound < MAX_COMPRESSION / 2.0 else np.inf
 
 
 def beyond_friction(problem: ContactProblem, state: ContactState, scales: Scales) -> str | None:

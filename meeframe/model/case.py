@@ -23,7 +23,7 @@ from meeframe.model.frames import frames_along
 from meeframe.model.heat import check_friction_heat, check_joule_heat, check_levels, unused_friction_heat
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
 from meeframe.model.memory import check_memory, memory_warning
-from meeframe.model.preflight import check_solver, preflight, undeformed, unused_potentials
+from meeframe.model.preflight import check_solver, other_period, preflight, undeformed, unused_potentials
 from meeframe.model.restart import check_same_zone
 from meeframe.model.rolling_steps import check_profiles, check_rolling, check_surface, divide_steps
 from meeframe.model.second_body import check_alike, check_fields, check_match, coarse_zone
@@ -198,6 +198,7 @@ class Case(CaseData):
             kinematics = undeformed(self)
             return (
                 *preflight(kinematics),
+                *other_period(kinematics),
                 *unused_potentials(kinematics),
                 *memory_warning(self.mesh, self.contact_law, self.channels),
                 *coarse_zone(self.second_body, self.mesh, self.zone),

@@ -9,14 +9,18 @@ import numpy as np
 from meeframe.contact.problem import Solver, check_accepted, is_selective
 from meeframe.fields import Array
 from meeframe.indenters.base import RIGID_MOTIONS
+from meeframe.indenters.topography.height_map import topography_of
 from meeframe.laws.base import is_adhesive
 from meeframe.mesh import find_contact_zone
+from meeframe.mesh.regular import extreme_points, grid_shape
 from meeframe.model.data import CaseData
 from meeframe.model.frames import frames_along
 from meeframe.model.history import Controls, ConvergedState, ramp
 from meeframe.model.kinematics import Increment, IndenterKinematics, beginning
 from meeframe.system.reduced import NodalFields, ReducedSystem
 
+_PERIOD_TOLERANCE: Final = 1e-4
+"""Relative difference of periods up to which they count as equal."""
 _OVERLAP_TOLERANCE: Final = 1e-6
 """Relative difference of overlaps up to which they count as equal."""
 
@@ -109,6 +113,30 @@ def preflight(kinematics: IndenterKinematics) -> Iterator[str]:
         f"the indenter does not touch the undeformed body: at an approach of {deepest:.3g} m it stays {nearest:.3g} m "
         f"or more from the nodes of the contact zone {case.zone!r}{_outside_zone(case)}"
     )
+
+
+def other_period(kinematics: IndenterKinematics) -> Iterator[str]:
+    """Yield a warning if the period of a surface, or the size of a height map, is not that of the periodic zone."""
+    case, system = kinematics.case, kinematics.system
+    shape = grid_shape(system.cells, len(system.points))
+    is_aligned = case.placement.rotation == 0.0 and np.array_equal(case.placement.base, np.eye(3))
+    if not case.formulation.is_periodic() or shape is None or not is_aligned:
+        return
+    surface = topography_of(case.indenter)
+    if surface is None:
+        return
+    nodes = np.ptp(extreme_points(system.points)[:, :2], axis=0)
+    for name, extent, count, axis in zip("xy", nodes, shape, (surface.x, surface.y), strict=True):
+        period, length = float(extent * count / (count - 1)), float(np.ptp(axis))
+        size = length * len(axis) / (len(axis) - 1)
+        # the last points of a measured period may repeat the first ones
+        smallest = size if surface.is_periodic else length
+        if not (1.0 - _PERIOD_TOLERANCE) * smallest <= period <= (1.0 + _PERIOD_TOLERANCE) * size:
+            what = "period of the surface" if surface.is_periodic else "size of the height map"
+            yield (
+                f"the {what} along {name} is {size:.6g} m, but the period of the contact zone {case.zone!r} is "
+                f"{period:.6g} m, {count} spacings of its nodes: the surface jumps, or is missing, at the border"
+            )
 
 
 def unused_potentials(kinematics: IndenterKinematics) -> Iterator[str]:

@@ -186,7 +186,9 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
     -------
     HeightMap
         The map: by its Fourier series if it is periodic, where waves shorter than two spacings are removed, and by
-        bicubic splines from border to border if not.
+        bicubic splines from border to border if not. Along axes with fewer points than before, the spline is then
+        averaged, about its mean plane, over the cell of each new point, which ends halfway to the next one and with the
+        map. The averages damp waves shorter than two new spacings, which would appear as longer ones.
 
     Raises
     ------
@@ -207,9 +209,26 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
         )
     if min(surface.shape) < 4:
         raise CaseError(f"resample: {surface.shape} points; allowed: at least 4 along each side of a spline")
-    x, y = (np.linspace(axis[0], axis[-1], count) for axis, count in zip((surface.x, surface.y), shape, strict=True))
-    spline = scipy.interpolate.RectBivariateSpline(surface.x, surface.y, surface.heights)
-    return HeightMap(x, y, spline(x, y))
+    old = surface.x, surface.y
+    x, y = (np.linspace(axis[0], axis[-1], count) for axis, count in zip(old, shape, strict=True))
+    # averages over the narrower cells at the border would change a tilted map
+    heights = detrend(surface).heights
+    ends = [0, -1]
+    corners = (surface.heights - heights)[np.ix_(ends, ends)]
+    plane = scipy.interpolate.RectBivariateSpline(surface.x[ends], surface.y[ends], corners, kx=1, ky=1)
+    for axis, new in enumerate((x, y)):
+        heights = _resample_between_borders(heights, old[axis], new, axis)
+    return HeightMap(x, y, heights + plane(x, y))
+
+
+def _resample_between_borders(heights: Array, old: Array, new: Array, axis: int) -> Array:
+    """Return the cubic spline through heights at `old` coordinates of an axis at the `new` ones, averaged if fewer."""
+    spline = scipy.interpolate.make_interp_spline(old, heights, axis=axis)
+    if len(new) >= len(old):
+        return np.asarray(spline(new))
+    borders = np.concatenate([new[:1], (new[1:] + new[:-1]) / 2.0, new[-1:]])
+    integrals = np.moveaxis(spline.antiderivative()(borders), axis, -1)
+    return np.asarray(np.moveaxis(np.diff(integrals) / np.diff(borders), -1, axis))
 
 
 def _resample_waves(heights: Array, count: int, axis: int) -> Array:

@@ -1,5 +1,6 @@
 """Figures and table of the study of a rough surface."""
 
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -161,22 +162,37 @@ def _printed(unit: str) -> str:
     return unit.replace("^2", "²")
 
 
-def rough_table(result: RoughResult) -> RenderableType:
-    """Return the quantities of all pressures as a table, and the messages of those that did not converge."""
-    table = LiteralTable(result.study.table.title)
-    names = [name for name in _COLUMNS if name in result.values]
+def rough_table(
+    title: str, pressures: Array, values: Mapping[str, Array], status: Sequence[str], message: Sequence[str]
+) -> RenderableType:
+    """Return the quantities of all pressures as a table, and the messages of those that did not converge.
+
+    Parameters
+    ----------
+    title : str
+        Title of the study.
+    pressures : Array
+        Mean pressures, (m,) [Pa].
+    values : mapping of str to Array
+        Quantities by name, (m,) each.
+    status, message : sequence of str
+        Status and message of each pressure; empty messages are left out.
+
+    Returns
+    -------
+    RenderableType
+        The table, to be printed on a terminal.
+    """
+    table = LiteralTable(title)
+    names = [name for name in _COLUMNS if name in values]
     table.add_column("mean pressure [Pa]", justify="right")
     for name in names:
         unit = QUANTITIES[name].unit
         label = name.replace("_", " ")
         table.add_column(label if unit == "1" else f"{label} [{_printed(unit)}]", justify="right")
     table.add_column("status")
-    for number, pressure in enumerate(result.pressures):
-        numbers = (f"{result.values[name][number]:.5g}" for name in names)
-        table.add_row(f"{pressure:.5g}", *numbers, result.status[number])
-    messages = (
-        Text(f"{pressure:.5g} Pa: {message}")
-        for pressure, message in zip(result.pressures, result.message, strict=True)
-        if message
-    )
+    for number, pressure in enumerate(pressures):
+        numbers = (f"{values[name][number]:.5g}" for name in names)
+        table.add_row(f"{pressure:.5g}", *numbers, status[number])
+    messages = (Text(f"{pressure:.5g} Pa: {text}") for pressure, text in zip(pressures, message, strict=True) if text)
     return Group(table, *messages)

@@ -10,13 +10,16 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from rich.console import RenderableType
 
+from meeframe.common.errors import ResultError
+from meeframe.common.hdf5 import open_hdf5
 from meeframe.indenters.topography import bearing_curve, profile_spectrum, radial_spectrum, scale_dependent_slope
 from meeframe.results.figures import write_figure
 from meeframe.results.hdf5 import sink
 from meeframe.results.output import in_all_formats, replacing
 from meeframe.results.sweep_files import check_installed
-from meeframe.study.rough.figures import contact_figure, surface_figure
+from meeframe.study.rough.figures import contact_figure, rough_table, surface_figure
 from meeframe.study.rough.quantities import QUANTITIES
 from meeframe.study.rough.run import RoughResult
 
@@ -118,6 +121,39 @@ def facts(result: RoughResult) -> dict[str, float | int]:
         "contact_modulus": study.modulus,
         "is_periodic": int(study.surface.is_periodic),
     }
+
+
+def stored_table(folder: Path) -> RenderableType:
+    """Return the table of the study in a folder, as `rough_table`.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder with the dataset of a study.
+
+    Returns
+    -------
+    RenderableType
+        The table, to be printed on a terminal.
+
+    Raises
+    ------
+    ResultError
+        If the dataset cannot be read, or has another format.
+    """
+    path = folder / DATASET_FILE
+    try:
+        with open_hdf5(path) as file:
+            version = file.attrs.get("format")
+            if version != FORMAT:
+                raise ResultError(f"{path}: format {version!r} is unknown; this version reads {FORMAT!r}")
+            values = {name: np.asarray(file[name], float) for name in QUANTITIES if name in file}
+            status, message = ([str(text) for text in file[name].asstr()[:]] for name in ("status", "message"))
+            return rough_table(str(file.attrs["title"]), np.asarray(file["pressure"], float), values, status, message)
+    except OSError as error:
+        raise ResultError(f"{path} cannot be read: {error.strerror or error}") from None
+    except (AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
+        raise ResultError(f"{path} is damaged: {error}") from None
 
 
 def csv_text(result: RoughResult) -> str:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from meeframe_halfspace import MeasuredHeights, Scales, SelfAffine, read_height_map
 
+import meeframe
 from meeframe import topography
 from meeframe.common.errors import CaseError
 from meeframe.plugin.registry import Kind, load
@@ -351,3 +352,36 @@ def test_statistics_of_a_map(tmp_path):
     height_map = read_height_map(tmp_path / "wave.npy", Scales(spacing=(x[1], 1.0)))
     assert height_map.rms_height == pytest.approx(1e-2 / np.sqrt(2.0), rel=5e-3)
     assert height_map.rms_slope == pytest.approx(2e-2 * np.pi / np.sqrt(2.0), rel=5e-3)
+
+
+def periodic_case(indenter, width, **placement):
+    """Return a case with a periodic zone of 16 x 16 nodes, a width [m] between the outermost ones."""
+    return meeframe.Case(
+        material="steel",
+        mesh=meeframe.mesh.half_space(width, divisions=15),
+        formulation=meeframe.formulation("half-space", periodic=True),
+        indenter=indenter,
+        placement=meeframe.Placement(**placement),
+        steps=[meeframe.Step(normal_force=1.0)],
+    )
+
+
+@pytest.mark.parametrize("factor", [0.99, 1.01])
+def test_period_of_a_surface_other_than_that_of_the_zone(factor):
+    surface, width = SelfAffine(1e-3, 2.5e-4, 0.8, rms_slope=0.1, samples=16), 1e-3 * 15 / 16
+    assert periodic_case(surface, width).warnings == ()
+    along_x, along_y = periodic_case(surface, factor * width).warnings
+    other = f"but the period of the contact zone 'contact' is {factor / 1e3:g} m"
+    assert f"the period of the surface along x is 0.001 m, {other}" in along_x
+    assert f"the period of the surface along y is 0.001 m, {other}" in along_y
+    # along other axes the periods do not compare
+    assert periodic_case(surface, factor * width, rotation=0.3).warnings == ()
+
+
+@pytest.mark.parametrize(("nodes", "differs"), [(15, True), (16, False), (17, False), (18, True)])
+def test_size_of_a_height_map_other_than_the_period(tmp_path, nodes, differs):
+    """A map of one period may end with it, or one spacing before; others are too small or too large."""
+    file, spacing = tmp_path / "map.npy", 1e-3 / 16
+    np.save(file, 1e-6 * np.random.default_rng(1).random((nodes, nodes)))
+    warnings = periodic_case(MeasuredHeights(file, spacing=(spacing, spacing)), 1e-3 * 15 / 16).warnings
+    assert [text.partition(" along")[0] for text in warnings] == 2 * differs * ["the size of the height map"]

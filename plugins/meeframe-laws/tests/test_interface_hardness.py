@@ -26,16 +26,18 @@ def rough_heights(seed=4):
     return heights / heights.std() * 8e-6
 
 
-def press(heights, mean_pressures, law, solver="auto"):
-    """Press rigid heights (N, N) [m], peaks towards the body, with mean pressures [Pa]; return pressures and area."""
+def press(heights, mean_pressures, law, solver="auto", periodic=True, approaches=()):
+    """Press rigid heights (N, N) [m], peaks towards the body, with mean pressures [Pa], or approaches [m] if given."""
+    side = PERIOD if periodic else PERIOD * (N - 1) / N
+    forces = [meeframe.Step(normal_force=mean * side**2) for mean in mean_pressures]
     case = meeframe.Case(
         material={"name": "isotropic", "young_modulus": YOUNG, "poisson_ratio": POISSON},
         mesh=meeframe.mesh.half_space(PERIOD * (N - 1) / N, divisions=N - 1),
-        formulation=meeframe.formulation("half-space", periodic=True, density="constant"),
+        formulation=meeframe.formulation("half-space", periodic=periodic, density="constant"),
         indenter=meeframe.SampledHeights.on_grid(AXIS, AXIS, -heights),
         contact=law,
         solver=meeframe.solver(solver),
-        steps=[meeframe.Step(normal_force=mean * PERIOD**2) for mean in mean_pressures],
+        steps=[meeframe.Step(approach=approach) for approach in approaches] or forces,
     )
     return case.solve()
 
@@ -103,9 +105,24 @@ def test_solvers_agree(solver):
     np.testing.assert_allclose(pressure(result), pressure(reference), atol=1e-7 * HARDNESS)
 
 
-def test_projected_cg_refuses_the_law():
+@pytest.mark.parametrize("periodic", [True, False])
+@pytest.mark.parametrize("hardness", [HARDNESS, 0.02 * HARDNESS])
+def test_conjugate_gradients_agree_with_newton(hardness, periodic):
+    """Pressures agree for forces up to 99 % of the largest one, where 99 % of the area yield, and for approaches."""
+    law, means = Hardness(hardness), np.array([0.05, 0.5, 0.99]) * hardness
+    by_force = [press(rough_heights(), means, law, name, periodic) for name in ("projected-cg", "newton")]
+    approaches = [step.loading.approach for step in by_force[1]]
+    by_approach = [press(rough_heights(), (), law, name, periodic, approaches) for name in ("projected-cg", "newton")]
+    assert (pressure(by_force[0][-1]) >= hardness).mean() >= 0.97
+    for gradients, newton in (by_force, by_approach, (by_force[0], by_approach[0])):
+        assert gradients.status == newton.status == "converged"
+        for step, reference in zip(gradients, newton, strict=True):
+            np.testing.assert_allclose(pressure(step), pressure(reference), rtol=0.0, atol=1e-8 * hardness)
+
+
+def test_projected_cg_refuses_friction():
     with pytest.raises(meeframe.CaseError, match=r"projected-cg.*Hardness"):
-        press(rough_heights(), [HARDNESS / 2], Hardness(HARDNESS), "projected-cg")
+        press(rough_heights(), [HARDNESS / 2], Hardness(HARDNESS, mu=0.1), "projected-cg")
 
 
 def test_forces_beyond_the_hardness_have_no_solution():

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 
+import h5py
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -66,6 +67,40 @@ def test_study_file(study, tmp_path):
     again = invoke(study, "--out", out)
     assert again.exit_code == 2
     assert "is not empty" in again.output
+
+
+def show(folder, *options):
+    return CliRunner().invoke(app, ["show", str(folder), *options])
+
+
+def test_show_prints_the_table_of_the_study(study, tmp_path):
+    out = tmp_path / "out"
+    done, shown = invoke(study, "--out", out, "--material", "steel"), show(out)
+    assert done.exit_code == shown.exit_code == 0, shown.output
+    table = done.stdout.partition("dataset: ")[0]
+    assert "A study" in table
+    assert shown.stdout.partition("files: ")[0] == table
+    for name in ("rough.h5", "rough.csv", "surface.json", "rough.png", "surface.png"):
+        assert str(out / name) in shown.output.replace("\n", "")
+    refused = show(out, "--interior")
+    assert refused.exit_code == 2
+    assert "holds a study of a rough surface" in refused.output
+
+
+@pytest.mark.parametrize("change", ["format", "pressure", "text"])
+def test_show_reports_damaged_datasets(study, tmp_path, change):
+    out = tmp_path / "out"
+    out.mkdir()
+    with h5py.File(out / "rough.h5", "w") as file:
+        file.attrs.update({"format": "meeframe-rough 9" if change == "format" else "meeframe-rough 1", "title": "A"})
+        file["status"] = file["message"] = ["converged"]
+    if change == "text":
+        (out / "rough.h5").write_text("no HDF5")
+    done = show(out)
+    assert done.exit_code == 2
+    assert {"format": "'meeframe-rough 9' is unknown", "pressure": "is damaged", "text": "cannot be read"}[
+        change
+    ] in done.output.replace("\n", " ")
 
 
 @pytest.mark.full

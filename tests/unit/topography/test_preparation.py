@@ -124,6 +124,31 @@ def test_shortest_wave_of_an_even_grid_survives_refinement():
     np.testing.assert_allclose(topography.resample(coarse, (4, 4)).heights, coarse.heights, atol=1e-14)
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_coarser_maps_between_borders_do_not_alias(axis):
+    """Waves as long as the new spacing vanish inside, long ones and planes stay."""
+    fine, coarse = np.linspace(0.0, 1.0, 401), np.linspace(0.0, 1.0, 26)
+    across = np.linspace(0.0, 1.0, 30)
+
+    def profile(phase, x):
+        return np.cos(2 * np.pi * (len(coarse) - 1) * x + phase)
+
+    def of(values):
+        grid = HeightMap(fine, across, np.outer(values, np.ones(30)))
+        turn = HeightMap(across, fine, grid.heights.T)
+        shape = (len(coarse), 30) if axis == 0 else (30, len(coarse))
+        resampled = topography.resample(grid if axis == 0 else turn, shape).heights
+        return resampled[:, 0] if axis == 0 else resampled[0]
+
+    for phase in (0.0, 0.7, np.pi / 2):
+        assert np.abs(of(profile(phase, fine))[1:-1]).max() < 1e-3
+    np.testing.assert_allclose(of(3.0 * fine - 1.0), 3.0 * coarse - 1.0, atol=1e-12)
+    # the mean of a wave over a cell is the value at its middle times sin(z) / z
+    inside, factor = slice(1, -1), np.sinc(2.0 / 25.0)
+    waves = of(np.sin(4 * np.pi * fine))
+    np.testing.assert_allclose(waves[inside], factor * np.sin(4 * np.pi * coarse)[inside], atol=1e-3)
+
+
 def test_resampling_between_borders_is_exact_for_cubics():
     exact = surface(lambda x, y: (x / 1e-3) ** 3 - (x / 1e-3) * (y / 1e-3) ** 2)
     resampled = topography.resample(exact, (50, 41))
