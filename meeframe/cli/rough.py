@@ -77,7 +77,7 @@ def rough(
     with console.exit_status(console.NOT_CONVERGED, f"nothing was written to {out}"):
         from meeframe.common.errors import CaseError
         from meeframe.model.threads import limited
-        from meeframe.study.rough.files import stored_table
+        from meeframe.study.rough.figures import rough_table
         from meeframe.study.rough.study import load_study
         from meeframe.study.rough.study import rough as run_study
 
@@ -106,7 +106,8 @@ def rough(
             for warning in study.warnings:
                 console.warn(warning)
             result = run_study(study, out, overwrite, progress, format)
-        console.stdout().print(stored_table(out))
+        title = result.study.table.title
+        console.stdout().print(rough_table(title, result.pressures, result.values, result.status, result.message))
         print(f"dataset: {out / 'rough.h5'}, pictures: {out / 'rough'}.{format}, {out / 'surface'}.{format}")
         raise typer.Exit(console.CONVERGED if result.is_converged else console.NOT_CONVERGED)
 

@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import math
 from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
@@ -14,6 +13,7 @@ from rich.console import RenderableType
 
 from meeframe.common.errors import ResultError
 from meeframe.common.hdf5 import open_hdf5
+from meeframe.common.json_values import plain
 from meeframe.indenters.topography import bearing_curve, profile_spectrum, radial_spectrum, scale_dependent_slope
 from meeframe.results.figures import write_figure
 from meeframe.results.hdf5 import sink
@@ -190,9 +190,8 @@ def write_rough(folder: Path, result: RoughResult, suffix: str = "png") -> None:
     backends, h5netcdf = import_module("xarray.backends"), import_module("h5netcdf")
     with replacing(folder / DATASET_FILE) as path, sink(path, "w") as stream, h5netcdf.File(stream, "w") as file:
         dataset(result).dump_to_store(backends.H5NetCDFStore(file))
-    # JSON has no numbers that are not finite
-    statistics = {name: value if math.isfinite(value) else None for name, value in facts(result).items()}
-    for name, text in ((TABLE_FILE, csv_text(result)), (STATISTICS_FILE, json.dumps(statistics, indent=1) + "\n")):
+    statistics = json.dumps(plain(facts(result)), indent=1)
+    for name, text in ((TABLE_FILE, csv_text(result)), (STATISTICS_FILE, f"{statistics}\n")):
         with replacing(folder / name) as path:
             path.write_text(text, encoding="utf-8")
     for name, figure in ((SURFACE_PICTURE, surface_figure(result)), (CONTACT_PICTURE, contact_figure(result))):
