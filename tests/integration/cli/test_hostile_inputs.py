@@ -54,7 +54,18 @@ def check(tmp_path):
     [
         ('"10 um"', "1e200", "steps[1].approach = 1e+200: must be >= -1e+60 and <= 1e+60"),
         ('"10 um"', "-1e200", "steps[1].approach = -1e+200: must be >= -1e+60 and <= 1e+60"),
-        ('"5 mm"', "5e-324", "mesh: half_width = 8e-323: must be a finite positive number, at least 1e-60"),
+        (
+            '"100 mm"',
+            "1e200",
+            "indenter.radius = 1e+200: is beyond anything physical; allowed: 1e-60 <= magnitude <= 1e+60 in m",
+        ),
+        (
+            '"100 mm"',
+            "1e-200",
+            "indenter.radius = 1e-200: is beyond anything physical; allowed: 1e-60 <= magnitude <= 1e+60 in m",
+        ),
+        ('"100 mm"', '"1e300 km"', "indenter.radius = '1e300 km': is beyond anything physical; allowed: "),
+        ('"5 mm"', "1e-310", "mesh.contact_width = 1e-310: is beyond anything physical; allowed: 1e-60 <= magnitude"),
     ],
 )
 def test_magnitudes_beyond_anything_physical(tmp_path, check, old, new, message):
