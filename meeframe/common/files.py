@@ -2,13 +2,20 @@
 
 import errno
 import json
+import lzma
 import math
 import os
 import stat
 import sys
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from io import BytesIO
 from pathlib import Path
+from threading import RLock
 from tokenize import TokenError
+from types import SimpleNamespace
 from typing import Any, Final
 
 import numpy as np
@@ -17,8 +24,16 @@ MAX_TEXT_BYTES: Final = 2**26
 """Largest size of a case file, study file or plugin file."""
 MAX_DATA_BYTES: Final = 2**30
 """Largest size of a file of heights or a JSON file."""
+MAX_EXPANDED_BYTES: Final = 2**29
+"""Largest size of what the compressed parts of a file expand to, other than in HDF5."""
 _MAX_HEADER_BYTES: Final = 2**16
 """Largest size of a header of a .npy file."""
+_DECOMPRESSORS: Final[dict[str, tuple[Callable[[], Any], type[Exception]]]] = {
+    "zlib": (zlib.decompressobj, zlib.error),
+    "lzma": (partial(lzma.LZMADecompressor, memlimit=MAX_EXPANDED_BYTES), lzma.LZMAError),
+}
+_EXPANDING: Final = RLock()
+"""Lock of `bounded_decompression`, which affects all threads."""
 
 
 def check_file(path: str | Path, max_bytes: int = sys.maxsize) -> None:
@@ -108,3 +123,49 @@ def read_npy(path: str | Path) -> Any:
             raise ValueError(f"its header declares an array of shape {shape}, {size} bytes; {left} follow")
         file.seek(0)
         return np.lib.format.read_array(file, allow_pickle=False)
+
+
+@contextmanager
+def bounded_decompression(package: str) -> Iterator[None]:
+    """Bound what the modules of a package decompress by zlib and lzma within this context.
+
+    Readers of other packages expand whatever a file holds: 2 MB may become 2 GB.
+
+    Parameters
+    ----------
+    package : str
+        Name of the package, which is imported.
+
+    Yields
+    ------
+    None
+        Data that together expand to more than `MAX_EXPANDED_BYTES` raise the error of damaged data here.
+    """
+    left = MAX_EXPANDED_BYTES
+
+    def decompress(create: Callable[[], Any], error: type[Exception], data: bytes) -> bytes:
+        nonlocal left
+        decompressor = create()
+        content: bytes = decompressor.decompress(data, left + 1)
+        left -= len(content)
+        if left < 0:
+            raise error(f"compressed data expand to more than {MAX_EXPANDED_BYTES} bytes")
+        if not decompressor.eof:
+            raise error("compressed data are cut short")
+        return content
+
+    with _EXPANDING:
+        originals = [
+            (module, name, vars(module)[name])
+            for module_name, module in tuple(sys.modules.items())
+            for name in _DECOMPRESSORS
+            if module_name.startswith(f"{package}.") and name in vars(module)
+        ]
+        try:
+            for module, name, original in originals:
+                bounded = {**vars(original), "decompress": partial(decompress, *_DECOMPRESSORS[name])}
+                setattr(module, name, SimpleNamespace(**bounded))
+            yield
+        finally:
+            for module, name, original in originals:
+                setattr(module, name, original)

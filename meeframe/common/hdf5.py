@@ -2,6 +2,7 @@
 
 import math
 import mmap
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -15,6 +16,12 @@ MAX_COMPRESSION: Final = 32
 """Largest ratio of the size of a large array and of its stored size; that of measured heights and of meshes is less."""
 MAX_DEFLATE: Final = 1100
 """Largest such ratio in results, whose fields may be zero nearly everywhere; deflate attains 1032."""
+_LARGEST_RATIOS: Final = {h5py.h5z.FILTER_DEFLATE: 1032, h5py.h5z.FILTER_LZF: 88}
+"""Compressions, with the largest ratio of the size of data and of their compressed size that each attains."""
+_NO_COMPRESSION: Final = (h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
+"""Filters of HDF5 that do not change the size, except by a check sum."""
+_CHECK_SUM: Final = 4
+"""Size [bytes] of a check sum."""
 _DOUBLE: Final = 8
 """Size [bytes] of the numbers that arrays become."""
 _HEAP: Final = b"GCOL\1\0\0\0"
@@ -54,7 +61,8 @@ def open_hdf5(
     OSError
         If the file is a device, a pipe or a folder, or if it cannot be read as HDF5.
     ValueError
-        If it refers to other files, if an array is far larger than what is stored of it, or if it is compressed twice.
+        If it refers to other files, if an array is far larger than what is stored of it, or if it is compressed twice,
+        otherwise than by gzip or lzf, or to chunks that expand beyond their size.
     """
     check_file(path)
     with h5py.File(path, "r") as file:
@@ -135,20 +143,50 @@ def _check_array(dataset: Any, file_size: int, max_compression: int) -> None:
     stored = dataset.get_create_plist()
     if stored.get_layout() == h5py.h5d.VIRTUAL or stored.get_external_count():
         raise ValueError(f"{_name(dataset)} is stored in other files; allowed: data in the file itself")
-    filters = [stored.get_filter(k)[0] for k in range(stored.get_nfilters())]
-    if len(set(filters)) < len(filters):  # which may expand it a million times
-        raise ValueError(f"{_name(dataset)} is compressed twice by the same filter; allowed: once")
     number, size = math.prod(dataset.shape), dataset.get_type().get_size()
-    if stored.get_layout() == h5py.h5d.CHUNKED:
-        number = max(number, math.prod(stored.get_chunk()))  # chunks are read as a whole
-    if number * max(size, _DOUBLE) <= ALWAYS_ALLOWED:
+    chunk = math.prod(stored.get_chunk()) if stored.get_layout() == h5py.h5d.CHUNKED else 0
+    number = max(number, chunk)  # chunks are read as a whole
+    if number * max(size, _DOUBLE) > ALWAYS_ALLOWED:
+        held, taken = min(dataset.get_storage_size(), file_size), number * size  # chunks may name the same bytes
+        if taken > max_compression * held:
+            raise ValueError(
+                f"{_name(dataset)} of shape {dataset.shape} takes {taken / 2**30:.4g} GiB, of which the file stores "
+                f"{held} bytes; allowed: {max_compression} times what it stores, or {ALWAYS_ALLOWED // _DOUBLE} numbers"
+            )
+    if chunk and stored.get_nfilters():
+        _check_chunks(dataset, [stored.get_filter(k)[0] for k in range(stored.get_nfilters())], chunk * size)
+
+
+def _check_chunks(dataset: Any, filters: list[int], size: int) -> None:
+    """Check that chunks expand to their size [bytes] at most: HDF5 expands them to their end. Raises ValueError."""
+    compressions = {code: place for place, code in enumerate(filters) if code not in _NO_COMPRESSION}
+    if not compressions and len(set(filters)) == len(filters):
         return
-    held, taken = min(dataset.get_storage_size(), file_size), number * size  # several chunks may name the same bytes
-    if taken > max_compression * held:
-        raise ValueError(
-            f"{_name(dataset)} of shape {dataset.shape} takes {taken / 2**30:.4g} GiB, of which the file stores {held} "
-            f"bytes; allowed: {max_compression} times what it stores, or {ALWAYS_ALLOWED // _DOUBLE} numbers"
-        )
+    if len(set(filters)) < len(filters) or len(compressions) > 1 or not compressions.keys() <= _LARGEST_RATIOS.keys():
+        raise ValueError(f"{_name(dataset)} has the filters {filters} of HDF5; allowed: gzip (1) or lzf (32000), once")
+    ((compression, place),) = compressions.items()
+    largest = ALWAYS_ALLOWED // _LARGEST_RATIOS[compression]
+    if dataset.get_storage_size() <= largest:
+        return
+    chunks: list[Any] = []
+    dataset.chunk_iter(chunks.append)
+    for chunk in chunks:
+        if chunk.filter_mask >> place & 1:  # not compressed
+            continue
+        where = f"the chunk at {chunk.chunk_offset} of {_name(dataset)}"
+        if compression == h5py.h5z.FILTER_LZF:  # without a function that would tell how far it expands
+            if chunk.size > (allowed := min(size + _CHECK_SUM, largest)):
+                raise ValueError(f"{where} has {chunk.size} bytes; allowed: {allowed}, or gzip")
+        elif _inflates_beyond(dataset.read_direct_chunk(chunk.chunk_offset)[1], size + _CHECK_SUM):
+            raise ValueError(f"{where} expands to more than its {size} bytes")
+
+
+def _inflates_beyond(stored: bytes, size: int) -> bool:
+    """Return whether a deflate stream holds more than a size [bytes]. Raises OSError if it is damaged."""
+    try:
+        return len(zlib.decompressobj().decompress(stored, size + 1)) > size
+    except zlib.error as error:
+        raise OSError(f"is damaged: {error}") from None
 
 
 def _name(dataset: Any) -> str:

@@ -30,9 +30,9 @@ _SCALE: Final = "names a scale whose zero is not that of the unit; temperatures 
 _PREFIXES: Final = {"": 0, "n": -9, "u": -6, "µ": -6, "μ": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 
 MAX_MAGNITUDE: Final = 1e60
-"""Largest magnitude of prescribed quantities and material constants in SI units; products of some stay finite."""
+"""Largest magnitude of finite quantities and material constants in SI units; products of some stay finite."""
 MIN_MAGNITUDE: Final = 1e-60
-"""Smallest magnitude of moduli, permittivities and the like in SI units; products of some do not vanish."""
+"""Smallest magnitude of positive quantities, moduli and the like in SI units; products of some do not vanish."""
 
 
 class Quantity:
@@ -145,6 +145,10 @@ class Quantity:
         holds = {"gt": number.__gt__, "ge": number.__ge__, "lt": number.__lt__, "le": number.__le__}
         if not all(holds[name](bound) for name, bound in self.bounds.items()):
             raise ValueError(f"must be {self.range}; expected {self.expected}")
+        smallest = MIN_MAGNITUDE if self.bounds.get("gt") == 0 else 0.0
+        if not smallest <= abs(number) <= MAX_MAGNITUDE and math.isfinite(number):
+            allowed = f"{smallest:g} <= magnitude <= {MAX_MAGNITUDE:g} in {self.units[0] or 1}"
+            raise ValueError(f"is beyond anything physical; allowed: {allowed}")
         return number
 
     @property

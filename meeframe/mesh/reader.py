@@ -1,6 +1,7 @@
 """Surface meshes from files that meshio reads."""
 
 import contextlib
+import gzip
 import io
 from collections.abc import Iterable, Iterator
 from os import PathLike
@@ -11,6 +12,7 @@ from typing import IO, Any, Final
 import numpy as np
 
 from meeframe.common.errors import MeshError
+from meeframe.common.files import MAX_EXPANDED_BYTES, bounded_decompression
 from meeframe.elements.base import SurfaceElement
 from meeframe.fields import Indices
 from meeframe.mesh.checks import check_mesh, merge_points, orient_outward, remove_unused_points
@@ -118,7 +120,10 @@ def read_any(file: Path) -> Any:
     output = io.StringIO()
     try:
         with _READ_LOCK, contextlib.redirect_stdout(output), contextlib.redirect_stderr(output), _finite_files(meshio):
+            _check_gzip(file)
             return meshio.read(file)
+    except MeshError:
+        raise
     except (Exception, SystemExit) as error:
         text = " ".join(output.getvalue().split()) or str(error) or type(error).__name__
         raise MeshError(f"meshio cannot read it: {text}") from None
@@ -146,12 +151,24 @@ def _open(path: str, mode: str = "r") -> IO[Any]:
 
 @contextlib.contextmanager
 def _finite_files(meshio: Any) -> Iterator[None]:
-    """Let meshio open files by `_open` within this context."""
+    """Let meshio open files by `_open` and expand them within bounds, in this context."""
     meshio._files.open = _open
     try:
-        yield
+        with bounded_decompression("meshio"):
+            yield
     finally:
         del meshio._files.open
+
+
+def _check_gzip(file: Path) -> None:
+    """Raise MeshError if a file that gzip compressed expands too far; its reader expands all of it."""
+    if file.suffix.lower() == ".gz":
+        with gzip.open(file) as content:
+            size = 0
+            while block := content.read(2**20):
+                size += len(block)
+                if size > MAX_EXPANDED_BYTES:
+                    raise MeshError(f"it expands to more than {MAX_EXPANDED_BYTES} bytes")
 
 
 def _convert(data: Any, elements: Iterable[SurfaceElement], length_unit: float, group_data: str | None) -> SurfaceMesh:

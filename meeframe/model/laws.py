@@ -87,7 +87,7 @@ def _check_array(what: str, array: object, shape: tuple[int, ...], tried: Array 
 
     tried: trial tractions (n, 3), or words for the argument.
     """
-    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
+    if type(array) is not np.ndarray or array.dtype.kind not in "fiu":  # masked arrays have other methods
         raise CaseError(f"{what} returns {_kind(array)}; allowed: an array of real numbers of shape {shape}")
     if array.shape != shape:
         raise CaseError(f"{what} has shape {array.shape}; allowed: {shape}")
@@ -101,7 +101,7 @@ def _check_array(what: str, array: object, shape: tuple[int, ...], tried: Array 
 
 def _kind(answer: object) -> str:
     """Return words for the type of a returned value: 'None', 'list', 'an array of complex128'."""
-    if isinstance(answer, np.ndarray):
+    if type(answer) is np.ndarray:
         return f"an array of {answer.dtype}"
     return "None" if answer is None else f"a {type(answer).__name__}"
 

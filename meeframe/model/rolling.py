@@ -20,6 +20,8 @@ SLIDING: Final = (1.0, 0.0)
 """Creepages of an indenter that moves over the body as far as the contact."""
 _MAX_NORMAL_COMPONENT: Final = 1e-9
 """Largest component across the zone of a direction in it."""
+_MAX_CYCLES: Final = 1e15
+"""Largest number of cycles of wear, beyond any lifetime."""
 _FINITE: Final = {"gt": -math.inf, "lt": math.inf}
 Number = Annotated[float, Quantity("", **_FINITE)]
 
@@ -51,8 +53,8 @@ class Rolling:
     steady : bool, optional
         True for the state that repeats from cell to cell.
     cycles : float, optional
-        Number of times that every particle of the surfaces passes through the steady contact, which wears them in each
-        passage. By default nothing wears in steady rolling.
+        Number of times, at most 1e15, that every particle of the surfaces passes through the steady contact, which
+        wears them in each passage. By default nothing wears in steady rolling.
     wear_tolerance : float, optional
         Largest estimated error in the extrapolation of wear over many cycles, as a fraction of the worn depth.
 
@@ -69,7 +71,7 @@ class Rolling:
     spin: Annotated[float, Quantity("1/m", **_FINITE)] = 0.0
     speed: Annotated[float, Quantity("m/s", gt=0, lt=math.inf)] | None = None
     steady: bool = False
-    cycles: Annotated[float, Quantity("", gt=0, lt=math.inf)] | None = None
+    cycles: Annotated[float, Quantity("", gt=0, le=_MAX_CYCLES)] | None = None
     wear_tolerance: Annotated[float, Quantity("", gt=0, lt=1)] = 0.05
 
     def __post_init__(self) -> None:

@@ -35,14 +35,13 @@ from meeframe.model.body_tables import (
 )
 from meeframe.model.layer_tables import BaseTable, LayerTable
 from meeframe.model.rolling import MAX_CELLS, Rolling
-from meeframe.model.step import Step
+from meeframe.model.step import MAX_SLIDING, Step
 from meeframe.model.values import (
     DEFAULT_FORMULATION,
     DEFAULT_SOLVER,
     FINITE,
     Angle,
     Count,
-    Distance,
     Flag,
     Force,
     Length,
@@ -180,7 +179,7 @@ class StepTable(Table):
     moment: tuple[Moment, Moment] | None = None
     twist: Angle | None = None
     torque: Moment | None = None
-    sliding: Distance | None = None
+    sliding: Annotated[float, Quantity("m", ge=0, le=MAX_SLIDING)] | None = None
     max_pressure_change: Annotated[float, Quantity("", gt=0, le=1)] | None = None
     duration: Time | None = None
     rolling: Annotated[Rolling | None, BeforeValidator(_rolling)] = None

@@ -29,6 +29,8 @@ _MAX_MOTION: Final = 1e9
 
 Motions that are merely not small have a diagnostic; no confusion of units leads to larger ones.
 """
+MAX_SLIDING: Final = 1e12
+"""Largest distance that an indenter slides in a load step [m], beyond any lifetime."""
 _FURTHER_UNITS: Final = {"sliding": "m", "max_pressure_change": "1", "duration": "s"}
 """Units of the quantities of a step that are no motions or resultants."""
 
@@ -58,8 +60,8 @@ class Step:
         For each scalar field, by name, the potential of the indenter or the total flux, such as {"electric_potential":
         5.0} [V] or {"charge": 0.0} [C].
     sliding : float, optional
-        Distance >= 0 that the indenter slides over the body in the whole step [m], far more than the contact is wide,
-        while the contact zone stays; it wears surfaces in place of the slip that the motions cause.
+        Distance, >= 0 and <= 1e12, that the indenter slides over the body in the whole step [m], far more than the
+        contact is wide, while the contact zone stays; it wears surfaces in place of the slip that the motions cause.
     max_pressure_change : float, optional
         Largest change of the pressure, its modulus integrated over the contact, as a fraction of the normal force, > 0
         and <= 1: increments in which surfaces wear are divided until it holds in each.
@@ -120,8 +122,8 @@ class Step:
         self._check_rolling()
         if self.duration is not None and not (np.ndim(self.duration) == 0 and 0.0 < self.duration < math.inf):
             raise CaseError(f"duration = {self.duration!r}; allowed: finite numbers > 0 [s]")
-        if self.sliding is not None and not (np.ndim(self.sliding) == 0 and 0.0 <= self.sliding < math.inf):
-            raise CaseError(f"sliding = {self.sliding!r}; allowed: finite numbers >= 0 [m]")
+        if self.sliding is not None and not (np.ndim(self.sliding) == 0 and 0.0 <= self.sliding <= MAX_SLIDING):
+            raise CaseError(f"sliding = {self.sliding!r}; allowed: numbers >= 0 and <= {MAX_SLIDING:g} [m]")
         change = self.max_pressure_change
         if change is not None and not (np.ndim(change) == 0 and 0.0 < change <= 1.0):
             raise CaseError(f"max_pressure_change = {change!r}; allowed: numbers > 0 and <= 1")

@@ -20,7 +20,6 @@ Flag = Annotated[bool, Strict()]
 Count = Annotated[int, Strict(), Field(ge=1, le=1000)]  # a thousand per side exceeds any memory
 Size = Annotated[float, Quantity("m", gt=0, lt=math.inf)]
 Length = Annotated[float, Quantity("m", **FINITE)]
-Distance = Annotated[float, Quantity("m", ge=0, le=MAX_MAGNITUDE)]
 Angle = Annotated[float, Quantity("rad", **FINITE)]
 Force = Annotated[float, Quantity("N", **FINITE)]
 Moment = Annotated[float, Quantity("N m", **FINITE)]

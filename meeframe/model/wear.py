@@ -27,7 +27,7 @@ def check_wear(law: WearLaw | None, contact_law: ContactLaw) -> None:
     what = f"rate of the wear law {type(law).__name__}"
     if not all(map(np.array_equal, copies, arguments)):
         raise CaseError(f"{what} changes its arguments; allowed: a new array")
-    if not isinstance(rate, np.ndarray) or rate.dtype.kind not in "fiu" or rate.shape != _PRESSURES.shape:
+    if type(rate) is not np.ndarray or rate.dtype.kind not in "fiu" or rate.shape != _PRESSURES.shape:
         raise CaseError(f"{what} is {rate!r}; allowed: an array of real numbers, one for each pressure")
     wrong = ~(np.isfinite(rate) & (rate >= 0.0))
     if wrong.any():

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from meeframe.common.errors import MaterialError as MaterialError
     from meeframe.common.errors import MeshError as MeshError
     from meeframe.common.errors import TooLargeError as TooLargeError
+    from meeframe.common.files import bounded_decompression as bounded_decompression
     from meeframe.common.files import check_file as check_file
     from meeframe.common.files import read_npy as read_npy
     from meeframe.common.hdf5 import open_hdf5 as open_hdf5
@@ -241,6 +242,7 @@ _HOMES = {
     "diagonal": "meeframe.system.capabilities",
     "rescale_inverse": "meeframe.system.capabilities",
     # Files
+    "bounded_decompression": "meeframe.common.files",
     "check_file": "meeframe.common.files",
     "open_hdf5": "meeframe.common.hdf5",
     "usable_memory": "meeframe.common.memory",

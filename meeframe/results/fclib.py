@@ -350,9 +350,9 @@ def _matrix(group: Any) -> Array:
     if count >= 0:
         rows, columns, x = i[:count], p[:count], x[:count]
     elif count == _COLUMNS:
-        rows, columns, x = i[: p[-1]], _lines(p, full.shape[1]), x[: p[-1]]
+        rows, columns, x = i[: p[-1]], _lines(p, full.shape[1], len(x)), x[: p[-1]]
     elif count == _ROWS:
-        rows, columns, x = _lines(p, full.shape[0]), i[: p[-1]], x[: p[-1]]
+        rows, columns, x = _lines(p, full.shape[0], len(x)), i[: p[-1]], x[: p[-1]]
     else:
         raise ValueError(f"nz = {count} of its matrix; allowed: -2, -1 and numbers >= 0")
     indices = np.column_stack([rows, columns])
@@ -364,10 +364,14 @@ def _matrix(group: Any) -> Array:
     return full
 
 
-def _lines(pointers: Indices, count: int) -> Indices:
-    """Return the number of the column, or row, of each entry of a compressed matrix with that many of them."""
+def _lines(pointers: Indices, count: int, entries: int) -> Indices:
+    """Return the number of the column, or row, of each of the entries of a compressed matrix with `count` of them."""
     if len(pointers) != count + 1:
         raise ValueError(f"{len(pointers)} pointers for {count} columns or rows of its matrix; allowed: one more")
+    if pointers.min() < 0 or pointers.max() > entries:
+        raise ValueError(
+            f"pointers of its matrix are from {pointers.min()} to {pointers.max()}; it has {entries} entries"
+        )
     return np.repeat(np.arange(count), np.diff(pointers))
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
+from random import Random
 from typing import Any, Final
 
 import numpy as np
@@ -36,6 +37,8 @@ _MAX_WARNINGS: Final = 5
 """Maximal number of preflight warnings that are passed on."""
 _MAX_PREFLIGHT_POINTS: Final = 25
 """Maximal number of points with preflight checks; each takes a second for a zone of 255 x 255 nodes."""
+_MAX_INVALID: Final = 1000
+"""Number of invalid points without a valid one after which a study is refused; a check takes milliseconds."""
 
 
 def sweep(
@@ -169,19 +172,33 @@ def _solve(
 
 
 def _points(file: Path, study: SweepTable, tables: Mapping[str, Any], registry: Registry | None) -> list[Point]:
-    """Return all points of a study. Raises CaseError for an invalid key or if no point has a valid case."""
-    folder, title, points = (file.parent / study.case).parent, str(tables.get("title", "")), []
-    for label, changes in study.changes():
-        try:
-            point_tables = changed(tables, changes) | {"title": ": ".join(filter(None, [title, label]))}
-        except TableError as error:
-            raise CaseError(listed(f"{file}: {label}: {problem}" for problem in error.problems)) from None
-        points.append(Point.of(label, point_tables, folder, registry))
-    if all(point.case is None for point in points):
-        messages = {str(problem): f"{file}: {point.label}: {problem}" for point in points for problem in point.problems}
-        causes = (problem.cause for point in points for problem in point.problems)
-        raise CaseError(listed(messages.values())) from next(filter(None, causes), None)
-    return points
+    """Return all points of a study.
+
+    Raises CaseError for an invalid key, or if no point has a valid case, or none of many that are chosen at random.
+    """
+    folder, title = (file.parent / study.case).parent, str(tables.get("title", ""))
+    described = list(study.changes())
+    points: dict[int, Point] = {}
+
+    def add(numbers: Iterable[int]) -> None:
+        for number in numbers:
+            label, changes = described[number]
+            try:
+                point_tables = changed(tables, changes) | {"title": ": ".join(filter(None, [title, label]))}
+            except TableError as error:
+                raise CaseError(listed(f"{file}: {label}: {problem}" for problem in error.problems)) from None
+            points[number] = Point.of(label, point_tables, folder, registry)
+
+    add(sorted(Random(0).sample(range(len(described)), min(len(described), _MAX_INVALID))))
+    if all(point.case is None for point in points.values()):
+        problems = [(point.label, problem) for point in points.values() for problem in point.problems]
+        messages = list({str(problem): f"{file}: {label}: {problem}" for label, problem in problems}.values())
+        if len(points) < len(described):
+            end = f"{file}: all of {len(points)} points, chosen at random from {len(described)}, are invalid"
+            messages = [listed(messages), end]
+        raise CaseError(listed(messages)) from next(filter(None, (problem.cause for _, problem in problems)), None)
+    add(number for number in range(len(described)) if number not in points)
+    return [points[number] for number in range(len(described))]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,16 +1,19 @@
 """Height maps from binary files of instruments, read by the optional package SurfaceTopography."""
 
 import warnings
+import zipfile
 from pathlib import Path
 from typing import Any, Final
 
 import h5py
 import numpy as np
 
-from meeframe.plugin import CaseError, HeightMap, Quantity, open_hdf5
+from meeframe.plugin import CaseError, HeightMap, Quantity, bounded_decompression, open_hdf5
 
 _SAMPLE: Final = 2**16
 """Number of bytes at the beginning of a file that show whether it is text."""
+_MAX_EXPANDED: Final = 2**29
+"""Largest size [bytes] of the files in an archive."""
 _NO_SIZE: Final = 'no physical size in it: needs a key such as spacing = ["1 um", "1 um"]'
 _METRE: Final = Quantity("m", gt=0, lt=float("inf"))
 
@@ -58,12 +61,14 @@ def read_instrument(
     if h5py.is_hdf5(path):  # whatever its suffix: .datx, .mat, ...
         with open_hdf5(path):
             pass  # the readers below follow references to other files
+    if zipfile.is_zipfile(path):
+        _check_archive(path)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             from SurfaceTopography import open_topography
 
-            with open_topography(str(path)) as reader:
+            with bounded_decompression("SurfaceTopography"), open_topography(str(path)) as reader:
                 return _height_map(_channel(reader, channel), unit, spacing)
     except ImportError as error:
         raise CaseError(
@@ -75,6 +80,17 @@ def read_instrument(
     except Exception as error:  # its readers raise any kind of exception for damaged files
         lines = [line for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
         raise ValueError(f"SurfaceTopography cannot read it: {lines[0][:200]}") from None
+
+
+def _check_archive(path: Path) -> None:
+    """Raise ValueError if the files in a zip archive, such as .x3p, expand too far: it states their sizes."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+    except zipfile.BadZipFile as error:
+        raise ValueError(f"is damaged: {error}") from None
+    if size > _MAX_EXPANDED:
+        raise ValueError(f"the files in it expand to {size} bytes; allowed: {_MAX_EXPANDED}")
 
 
 def _channel(reader: Any, name: str | None) -> Any:

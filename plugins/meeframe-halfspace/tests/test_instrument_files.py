@@ -2,12 +2,15 @@
 
 import struct
 import sys
+import zipfile
+import zlib
 
 import numpy as np
 import pytest
 from meeframe_halfspace import MeasuredHeights, Scales, read_height_map
 
-from meeframe.plugin import CaseError
+from meeframe.common import files
+from meeframe.plugin import CaseError, bounded_decompression
 
 HEIGHTS = 1e-9 * np.random.default_rng(2).uniform(0.0, 30.0, (5, 4))
 """Heights at x[i] and in line j of a file [m]."""
@@ -87,3 +90,28 @@ def test_message_without_the_package(tmp_path, monkeypatch):
         CaseError, match=r"map\.gwy: SurfaceTopography reads .*pip install 'meeframe-halfspace\[instruments\]'"
     ):
         read_height_map(gwyddion(tmp_path / "map.gwy"))
+
+
+def test_archives_that_expand_too_far(tmp_path):
+    """A file of .x3p is a zip archive, here of 64 kB in place of 1 GiB."""
+    path = tmp_path / "map.x3p"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("main.xml", bytes(2**16))
+        archive.infolist()[0].file_size = 2**30  # as its directory then states
+    with pytest.raises(CaseError, match=r"map\.x3p: .*the files in it expand to 1073741824 bytes; allowed: 536870912"):
+        read_height_map(path)
+
+
+def test_compressed_parts_that_expand_too_far(monkeypatch):
+    """Readers of .mnt files, among others, expand all that a file holds."""
+    reader = pytest.importorskip("SurfaceTopography.IO.MNT")
+    original, data = reader.zlib, zlib.compress(bytes(2**16))
+    monkeypatch.setattr(files, "MAX_EXPANDED_BYTES", 2**17)
+    with bounded_decompression("SurfaceTopography"):
+        for _ in range(2):
+            assert reader.zlib.decompress(data) == bytes(2**16)
+        with pytest.raises(reader.zlib.error, match="expand to more than 131072 bytes"):
+            reader.zlib.decompress(data)
+        with pytest.raises(reader.zlib.error):
+            reader.zlib.decompress(b"")
+    assert reader.zlib is original

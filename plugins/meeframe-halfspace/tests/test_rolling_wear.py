@@ -165,6 +165,7 @@ def test_run_continues_with_worn_profiles(tmp_path):
 CYCLES = {"steady": True, "creepage": [0.1, 0.0], "cycles": 10.0}
 REFUSED = {
     "cycles = 10 without steady = true": [PRESS, {"distance": 1e-4, "cycles": 10.0}],
+    "cycles = 1e+18: must be > 0 and <= 1e+15": [PRESS, {**CYCLES, "cycles": 1e18}],
     "wear_tolerance = 2": [PRESS, {**CYCLES, "wear_tolerance": 2.0}],
     "load step 1 wears them in place or in one passage; allowed: before it": [
         meeframe.Step(normal_force=FORCE),

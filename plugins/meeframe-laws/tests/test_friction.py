@@ -210,11 +210,11 @@ def test_case_tables_take_units():
 
 # extreme, but within bounds: the limit is a law with a name
 EXTREME = {
-    "no slip length": (RegularisedCoulomb(0.4, 1e-320), COULOMB),
-    "endless slip length": (RegularisedCoulomb(0.4, 1e300), Signorini()),
-    "no slip distance": (SlipWeakening(0.4, 0.4, 1e-320), COULOMB),
-    "no reference speed": (RateAndPressure(0.4, 0.4, 1e-320, 3.0), COULOMB),
-    "no reference pressure": (RateAndPressure(0.4, 0.4, 1.0, 1.0, 1e-320), COULOMB),
+    "no slip length": (RegularisedCoulomb(0.4, 1e-60), COULOMB),
+    "endless slip length": (RegularisedCoulomb(0.4, 1e60), Signorini()),
+    "no slip distance": (SlipWeakening(0.4, 0.4, 1e-60), COULOMB),
+    "no reference speed": (RateAndPressure(0.4, 0.4, 1e-60, 3.0), COULOMB),
+    "no reference pressure": (RateAndPressure(0.4, 0.4, 1.0, 1.0, 1e-60), COULOMB),
     "most distorted": (
         NonAssociatedCoulomb(0.6, 0.0006, 0.001, 0.3, 0.3),
         OrthotropicCoulomb(0.6, 0.0006, 0.3),

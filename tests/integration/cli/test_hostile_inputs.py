@@ -1,11 +1,15 @@
 """Inputs that are damaged, endless or beyond anything physical: one clear message and exit status 2, at once."""
 
 import os
+import subprocess
+import sys
 import time
 import tracemalloc
+import zlib
 from contextlib import suppress
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -54,7 +58,18 @@ def check(tmp_path):
     [
         ('"10 um"', "1e200", "steps[1].approach = 1e+200: must be >= -1e+60 and <= 1e+60"),
         ('"10 um"', "-1e200", "steps[1].approach = -1e+200: must be >= -1e+60 and <= 1e+60"),
-        ('"5 mm"', "5e-324", "mesh: half_width = 8e-323: must be a finite positive number, at least 1e-60"),
+        (
+            '"100 mm"',
+            "1e200",
+            "indenter.radius = 1e+200: is beyond anything physical; allowed: 1e-60 <= magnitude <= 1e+60 in m",
+        ),
+        (
+            '"100 mm"',
+            "1e-200",
+            "indenter.radius = 1e-200: is beyond anything physical; allowed: 1e-60 <= magnitude <= 1e+60 in m",
+        ),
+        ('"100 mm"', '"1e300 km"', "indenter.radius = '1e300 km': is beyond anything physical; allowed: "),
+        ('"5 mm"', "1e-310", "mesh.contact_width = 1e-310: is beyond anything physical; allowed: 1e-60 <= magnitude"),
     ],
 )
 def test_magnitudes_beyond_anything_physical(tmp_path, check, old, new, message):
@@ -288,6 +303,26 @@ def test_meshes_in_wkt(tmp_path):
     path.write_text("TIN (((0 0 0, 1 0 0, 0 1 0, 0 0 0)))", encoding="utf-8")
     with pytest.raises(MeshError, match="format wkt"):
         read_any(path)
+
+
+def test_height_maps_that_expand_beyond_their_size(tmp_path):
+    """HDF5 alone would expand 0.5 MB to 512 MiB for an array of 2 kB."""
+    stream = zlib.compressobj(9)
+    content = b"".join([stream.compress(bytes(2**24)) for _ in range(32)]) + stream.flush()
+    with h5py.File(tmp_path / "map.h5", "w") as file:
+        heights = file.create_dataset("heights", (16, 16), float, chunks=(16, 16), compression="gzip")
+        heights.id.write_direct_chunk((0, 0), content)
+    path = tmp_path / "case.toml"
+    indenter = 'name = "height-map"\nfile = "map.h5"\nspacing = ["1 um", "1 um"]'
+    path.write_text(CASE.replace('name = "sphere"\nradius = "100 mm"', indenter), encoding="utf-8")
+    command = [sys.executable, "-c", "from meeframe.cli import main; main()", "check", str(path)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        message = process.stderr.read()
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 2
+    assert "map.h5: the chunk at (0, 0) of '/heights' expands to more than its 2048 bytes" in " ".join(message.split())
+    assert usage.ru_maxrss < 500_000, "kB, of which Python and its libraries take 200,000"
 
 
 def replace_by_file(folder, path):

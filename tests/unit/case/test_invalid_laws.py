@@ -308,6 +308,7 @@ def test_return_values_are_checked_early(case, method):
         (lambda array: array[..., :1], f"has shape {(*shape[:-1], 1)}; allowed: {shape}"),
         (lambda array: array.tolist(), f"returns a list; allowed: an array of real numbers of shape {shape}"),
         (lambda _: None, f"returns None; allowed: an array of real numbers of shape {shape}"),
+        (np.ma.masked_array, f"returns a MaskedArray; allowed: an array of real numbers of shape {shape}"),
         (lambda array: array.astype(str), "returns an array of <U"),
     ]:
         with pytest.raises(CaseError, match=f"^{what}.*{re.escape(text)}"):

@@ -189,6 +189,7 @@ def test_wear_in_files_and_restart(write_case, registry, tmp_path):
         ),
         ([], WEAR + "\n[[steps]]\nmax_pressure_change = 0\n", r"max_pressure_change = 0: must be > 0"),
         ([], WEAR + slide("-1 m"), r"steps\[2\]\.sliding = '-1 m': must be >= 0"),
+        ([], WEAR + slide("1e18 m"), r"steps\[2\]\.sliding = '1e18 m': must be >= 0 and <= 1e\+12"),
         ([], WEAR.replace("1e-13", "-1"), r"contact\.wear\.coefficient = '-1 1/Pa': must be >= 0"),
         (
             [],

@@ -1,5 +1,6 @@
 """Test reading and writing meshes, and rejected files."""
 
+import gzip
 import os
 import sys
 import time
@@ -12,10 +13,11 @@ import meshio
 import numpy as np
 import pytest
 
+from meeframe.common import files
 from meeframe.common.errors import MeshError
 from meeframe.elements import ELEMENTS, Quad4, Quad9
 from meeframe.elements.base import SurfaceElement
-from meeframe.mesh import area, block_mesh, box_mesh, read_mesh, volume
+from meeframe.mesh import area, block_mesh, box_mesh, read_mesh, reader, volume
 from meeframe.mesh.surface import SurfaceMesh
 
 EVERY = pytest.mark.parametrize("element", ELEMENTS.values(), ids=lambda e: e.name)
@@ -465,3 +467,25 @@ def test_links_to_xdmf_are_followed(tmp_path: Path) -> None:
         file[first] = h5py.ExternalLink("other.h5", first)
     with pytest.raises(MeshError, match=r"mesh\.h5 cannot be read as HDF5: .* is a link to another file"):
         read(path)
+
+
+@pytest.mark.parametrize("compression", ["zlib", "lzma"])
+def test_compressed_meshes_that_expand_too_far(
+    compression: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Readers expand each block whatever it holds: 2 MB may become 2 GB."""
+    path = tmp_path / "box.vtu"
+    mesh = box()
+    meshio.vtu.write(path, meshio.Mesh(mesh.points, cells_of(mesh)), compression=compression)
+    assert len(read_mesh(path, ELEMENTS.values()).points) == len(mesh.points)
+    monkeypatch.setattr(files, "MAX_EXPANDED_BYTES", 500)
+    with pytest.raises(MeshError, match=r"box\.vtu: .*compressed data expand to more than 500 bytes"):
+        read_mesh(path, ELEMENTS.values())
+
+
+def test_files_of_gzip_that_expand_too_far(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "mesh.vol.gz"
+    path.write_bytes(gzip.compress(bytes(2**20)))
+    monkeypatch.setattr(reader, "MAX_EXPANDED_BYTES", 2**19)
+    with pytest.raises(MeshError, match=r"mesh\.vol\.gz: it expands to more than 524288 bytes"):
+        read_mesh(path, ELEMENTS.values())

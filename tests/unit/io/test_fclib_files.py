@@ -82,6 +82,7 @@ BROKEN = {
     "negative row": ({"W/i": np.array([0, 1, -1])}, "an entry of its matrix is at row -1, column 2"),
     "pointers too short": ({"W/p": np.array([0, 1, 2])}, "3 pointers for 3 columns or rows"),
     "pointers too long": ({"W/p": np.array([0, 1, 2, 9])}, "is not a complete FCLIB problem"),
+    "pointers beyond the entries": ({"W/p": np.array([0, 2**30, 2**30, 2**30])}, "from 0 to 1073741824; it has"),
     "pointers that go back": ({"W/p": np.array([0, 2, 1, 3])}, "is not a complete FCLIB problem"),
     "q too short": ({"vectors/q": np.zeros(2)}, r"q \(2,\)"),
     "negative mu": ({"vectors/mu": np.array([-0.1])}, "mu of the FCLIB problem is -0.1 at contact 0; allowed"),

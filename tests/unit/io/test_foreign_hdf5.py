@@ -1,5 +1,6 @@
 """HDF5 files that refer to other files, or declare more data than they contain, are rejected."""
 
+import tracemalloc
 import zlib
 
 import h5py
@@ -182,19 +183,74 @@ def test_large_arrays_are_read_if_they_are_stored(tmp_path, monkeypatch, is_comp
             assert file["heights"][0, 0] == 0.0
 
 
-def test_chunks_that_are_compressed_twice_are_rejected(tmp_path):
-    """A file of some kilobytes could expand to gigabytes, however small the array."""
-    path = tmp_path / "twice.h5"
+def deflated_zeros(number):
+    """Return a deflate stream of zero bytes, a multiple of 16 MiB."""
+    stream = zlib.compressobj(9)
+    return b"".join([stream.compress(bytes(2**24)) for _ in range(number // 2**24)]) + stream.flush()
+
+
+def put_chunk(file, name, content, filters, mask=0):
+    """Create a dataset of 16 x 16 numbers in one chunk, whose stored bytes are given."""
+    properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    properties.set_chunk((16, 16))
+    for code, values in filters:
+        properties.set_filter(code, h5py.h5z.FLAG_OPTIONAL, values)
+    space = h5py.h5s.create_simple((16, 16))
+    dataset = h5py.h5d.create(file.id, name.encode(), h5py.h5t.IEEE_F64LE, space, properties)
+    dataset.write_direct_chunk((0, 0), content, filter_mask=mask)
+
+
+DEFLATE, SHUFFLE, FLETCHER32 = (h5py.h5z.FILTER_DEFLATE, (4,)), (h5py.h5z.FILTER_SHUFFLE, (8,)), (3, ())
+LZF, SCALE_OFFSET = (h5py.h5z.FILTER_LZF, ()), (h5py.h5z.FILTER_SCALEOFFSET, (0,) * 20)
+
+
+@pytest.mark.parametrize("filters", [(DEFLATE,), (SHUFFLE, DEFLATE, FLETCHER32)])
+def test_chunks_that_expand_beyond_their_size_are_not_expanded(tmp_path, filters):
+    """HDF5 would take as much memory as the stream expands to, 512 MiB here."""
+    path = tmp_path / "expands.h5"
     with h5py.File(path, "w") as file:
-        properties = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-        properties.set_chunk((16, 16))
-        properties.set_deflate(9)
-        properties.set_deflate(9)
-        h5py.h5d.create(
-            file.id, b"heights", h5py.h5t.IEEE_F64LE, h5py.h5s.create_simple((16, 16)), properties
-        ).write_direct_chunk((0, 0), zlib.compress(zlib.compress(bytes(2**20))))
-    with pytest.raises(ValueError, match="'/heights' is compressed twice by the same filter"), open_hdf5(path):
+        put_chunk(file, "heights", deflated_zeros(2**29), filters)
+    tracemalloc.start()
+    message = r"the chunk at \(0, 0\) of '/heights' expands to more than its 2048 bytes"
+    with pytest.raises(ValueError, match=message), open_hdf5(path):
         pass
+    assert tracemalloc.get_traced_memory()[1] < 2**24
+    tracemalloc.stop()
+
+
+def test_large_chunks_of_lzf_are_rejected(tmp_path):
+    """It expands 88 times, and no function tells how far a chunk does."""
+    path = tmp_path / "expands.h5"
+    with h5py.File(path, "w") as file:
+        put_chunk(file, "heights", bytes(2**21), (LZF,))
+    with pytest.raises(ValueError, match=r"the chunk at .* has 2097152 bytes; allowed: 2052, or gzip"), open_hdf5(path):
+        pass
+
+
+@pytest.mark.parametrize("filters", [(DEFLATE, DEFLATE), (LZF, DEFLATE), (SCALE_OFFSET,), (SHUFFLE, SHUFFLE)])
+def test_other_filters_are_rejected(tmp_path, filters):
+    """A file of some kilobytes could expand to gigabytes, however small the array."""
+    path = tmp_path / "filters.h5"
+    with h5py.File(path, "w") as file:
+        put_chunk(file, "heights", bytes(100), filters)
+    message = r"'/heights' has the filters \[.*\] of HDF5; allowed: gzip \(1\) or lzf \(32000\), once"
+    with pytest.raises(ValueError, match=message), open_hdf5(path):
+        pass
+
+
+@pytest.mark.parametrize("compression", ["gzip", "lzf"])
+def test_large_chunks_are_read(tmp_path, compression):
+    """Chunks of whole maps are checked as they are read, and those that are stored as they are have no compression."""
+    path = tmp_path / "map.h5"
+    heights = np.random.default_rng(1).normal(size=(512, 512)).cumsum(axis=0).round(1)
+    options = {"compression": compression, "fletcher32": True}
+    with h5py.File(path, "w") as file:
+        file.create_dataset("heights", data=heights, chunks=(256, 256), shuffle=True, **options)
+        file.create_dataset("noise", data=np.frombuffer(np.random.default_rng(1).bytes(2**21)), chunks=2**18, **options)
+    with open_hdf5(path) as file:
+        assert file["heights"].id.get_storage_size() > 2**17
+        assert np.array_equal(file["heights"], heights)
+        assert file["noise"].shape == (2**18,)
 
 
 def test_results_may_hold_fields_that_are_zero_nearly_everywhere(tmp_path, synthetic):
