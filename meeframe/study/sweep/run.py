@@ -23,7 +23,7 @@ from meeframe.results.records import Result
 from meeframe.results.sweep_files import POINTS, SYSTEMS, check_installed, drop_systems, open_folder, write_sweep
 from meeframe.results.sweep_records import SweepAxis, SweepResult
 from meeframe.results.systems import create_folder
-from meeframe.study.declare import case_tables, changed, checked, unit_at
+from meeframe.study.declare import Changes, case_tables, changed, checked, unit_at
 from meeframe.study.reports.sweep import sweep_figure
 from meeframe.study.sweep.declare import SweepTable
 from meeframe.study.sweep.engine import solve_points
@@ -177,28 +177,26 @@ def _points(file: Path, study: SweepTable, tables: Mapping[str, Any], registry: 
     Raises CaseError for an invalid key, or if no point has a valid case, or none of many that are chosen at random.
     """
     folder, title = (file.parent / study.case).parent, str(tables.get("title", ""))
-    described = list(study.changes())
-    points: dict[int, Point] = {}
 
-    def add(numbers: Iterable[int]) -> None:
-        for number in numbers:
-            label, changes = described[number]
-            try:
-                point_tables = changed(tables, changes) | {"title": ": ".join(filter(None, [title, label]))}
-            except TableError as error:
-                raise CaseError(listed(f"{file}: {label}: {problem}" for problem in error.problems)) from None
-            points[number] = Point.of(label, point_tables, folder, registry)
+    def point(label: str, changes: Changes) -> Point:
+        try:
+            point_tables = changed(tables, changes) | {"title": ": ".join(filter(None, [title, label]))}
+        except TableError as error:
+            raise CaseError(listed(f"{file}: {label}: {problem}" for problem in error.problems)) from None
+        return Point.of(label, point_tables, folder, registry)
 
-    add(sorted(Random(0).sample(range(len(described)), min(len(described), _MAX_INVALID))))
-    if all(point.case is None for point in points.values()):
-        problems = [(point.label, problem) for point in points.values() for problem in point.problems]
-        messages = list({str(problem): f"{file}: {label}: {problem}" for label, problem in problems}.values())
-        if len(points) < len(described):
-            end = f"{file}: all of {len(points)} points, chosen at random from {len(described)}, are invalid"
-            messages = [listed(messages), end]
-        raise CaseError(listed(messages)) from next(filter(None, (problem.cause for _, problem in problems)), None)
-    add(number for number in range(len(described)) if number not in points)
-    return [points[number] for number in range(len(described))]
+    described, invalid = list(study.changes()), list[Point]()
+    sample = described if len(described) <= _MAX_INVALID else Random(0).sample(described, _MAX_INVALID)
+    for each in sample:
+        first = point(*each)
+        if first.case is not None:
+            return [point(*each) for each in described]
+        invalid.append(first)
+    problems = [(point.label, problem) for point in invalid for problem in point.problems]
+    text = listed({str(problem): f"{file}: {label}: {problem}" for label, problem in problems}.values())
+    if len(sample) < len(described):
+        text += f"\n{file}: all of {len(sample)} points, chosen at random from {len(described)}, are invalid"
+    raise CaseError(text) from next(filter(None, (problem.cause for _, problem in problems)), None)
 
 
 @dataclass(frozen=True, eq=False)
