@@ -103,6 +103,19 @@ def test_show_reports_damaged_datasets(study, tmp_path, change):
     ] in done.output.replace("\n", " ")
 
 
+@pytest.mark.parametrize(
+    ("options", "count"), [([], 0), (["--contact-conductance", "30 GS/m^2"], 1), (["--contact-conductance", "inf"], 1)]
+)
+def test_law_of_charges_is_not_that_of_currents(study, tmp_path, options, count):
+    """A study file of earlier versions is refused with the new name of its key, which an option may give."""
+    study.write_text(f'{STUDY}[conductivity]\nelectric = {{ name = "step", kappa = 3e10 }}\n', encoding="utf-8")
+    done = invoke(study, "--out", tmp_path / "out", "--conductivity", "58 MS/m", "--pressure", "1 GPa", *options)
+    assert done.exit_code == (0 if count else 2), done.output
+    message = "study.toml: conductivity.electric: for currents it is now called 'contact_conductance' [S/m^2]"
+    assert (message in done.output) == (not count)
+    assert len(list((tmp_path / "out").glob("rough.csv"))) == count
+
+
 @pytest.mark.full
 def test_height_map_with_options(tmp_path):
     done = invoke(
@@ -138,6 +151,14 @@ def test_height_map_with_options(tmp_path):
             "samples = 100000000: a run with 200000000 nodes needs at least ",
         ),
         (["--modulus", "1 GPa", "--hardness", "soft"], "hardness"),
+        (
+            ["--modulus", "1 GPa", "--contact-conductance", "1e12 S/m^2"],
+            "study.toml: contact_conductance: needs electrical_conductivity",
+        ),
+        (
+            ["--modulus", "1 GPa", "--conductivity", "58 MS/m", "--contact-conductance", "1 F/m^2"],
+            "study.toml: contact_conductance = '1 F/m^2': has the wrong unit; expected a number in S/m^2",
+        ),
         ([], "material: missing"),
     ],
 )
