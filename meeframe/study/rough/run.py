@@ -1,7 +1,7 @@
 """Solution of the study of a rough surface: one reduced system for all mean pressures."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -69,7 +69,9 @@ class _Point:
     nodal_pressure: Array
 
 
-def solve_rough(study: RoughStudy, progress: Progress = silent) -> RoughResult:
+def solve_rough(
+    study: RoughStudy, progress: Progress = silent, finished: Callable[[RoughResult], None] = lambda _result: None
+) -> RoughResult:
     """Solve a study in memory.
 
     Parameters
@@ -78,6 +80,8 @@ def solve_rough(study: RoughStudy, progress: Progress = silent) -> RoughResult:
         The study.
     progress : callable, optional
         Function that is called with the name of a stage and the fraction of it that is done.
+    finished : callable, optional
+        Function that is called after each pressure but the last, with the result so far.
 
     Returns
     -------
@@ -96,6 +100,8 @@ def solve_rough(study: RoughStudy, progress: Progress = silent) -> RoughResult:
     try:
         for point in solution.points():
             points.append(point)
+            if len(points) < len(study.pressures):
+                finished(_collect(study, points))
     except KeyboardInterrupt:
         raise Interrupted(_collect(study, points)) from None
     return _collect(study, points)
