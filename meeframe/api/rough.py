@@ -48,7 +48,8 @@ def rough(
         As for `Case.solve`.
     **keys
         Further keys of a study file (docs/howto/rough.md), such as `periodic`, `samples`, `electric_potential`,
-        `electrical_conductivity` or `contact`, which may also be a contact law.
+        `electrical_conductivity`, `contact_conductance`, which may also be a conductivity law, or `contact`, which may
+        also be a contact law.
 
     Returns
     -------

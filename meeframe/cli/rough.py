@@ -63,6 +63,10 @@ def rough(
         str | None,
         typer.Option(metavar="VALUE", help="Conductivity of the body such as '58 MS/m'; computes the conductance."),
     ] = None,
+    contact_conductance: Annotated[
+        str | None,
+        typer.Option(metavar="VALUE", help="Conductance of the interface for currents such as '3e10 S/m^2'."),
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", metavar="", help="Replace earlier results in DIR.")] = False,
     format: PictureFormat = "png",
     threads: Threads = None,
@@ -91,6 +95,7 @@ def rough(
             "contact": {"law": {"name": "hardness", "hardness": _or_infinite(hardness)}} if hardness else None,
             "electric_potential": potential,
             "electrical_conductivity": conductivity,
+            "contact_conductance": _or_infinite(contact_conductance) if contact_conductance else None,
             "surface": {
                 **({"spacing": [spacing, spacing]} if spacing else {}),
                 **({"unit": unit} if unit else {}),

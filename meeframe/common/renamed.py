@@ -14,4 +14,9 @@ RENAMED: Final = {
 
 def renaming(name: str) -> str:
     """Return the present name of a renamed quantity in words, "" for any other name."""
-    return f"it is now called {RENAMED[name]!r}" if name in RENAMED else ""
+    return now_called(RENAMED[name]) if name in RENAMED else ""
+
+
+def now_called(name: str) -> str:
+    """Return in words that something has this name at present."""
+    return f"it is now called {name!r}"

@@ -10,7 +10,7 @@ from meeframe.fields import MEE, OPTIONAL_FIELDS, Array
 from meeframe.fields.units import Quantity, check_quantities
 from meeframe.laws.base import ConductivityLaw
 
-_CONDUCTANCES: Final = tuple(field.conductance_unit for field in (*MEE.scalars, *OPTIONAL_FIELDS))
+_CONDUCTANCES: Final = (*(field.conductance_unit for field in (*MEE.scalars, *OPTIONAL_FIELDS)), "S/m^2")
 
 
 @final
@@ -46,8 +46,8 @@ class StepConductivity(ConductivityLaw):
     Attributes
     ----------
     kappa : float
-        Conductivity >= 0, in F/m^2 for the electric field, H/m^2 for the magnetic one and W/(m^2 K) for heat; 0
-        insulates, inf conducts perfectly.
+        Conductivity >= 0, in F/m^2 for the electric field, H/m^2 for the magnetic one, W/(m^2 K) for heat and S/m^2 for
+        currents; 0 insulates, inf conducts perfectly.
 
     Raises
     ------

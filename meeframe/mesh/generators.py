@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from decimal import Decimal
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 import numpy as np
 
@@ -193,8 +193,10 @@ def half_space_mesh(
     return replace(place_nodes(frame_surface(grid, loops, names), element), semi_infinite=True)
 
 
-def check_grid_memory(label: str, nodes: int, bytes_per_node: int = BYTES_PER_NODE) -> None:
-    """Raise TooLargeError if a run on a grid of so many nodes needs more memory than the process may use.
+def check_grid_memory(
+    label: str, nodes: int, bytes_per_node: int = BYTES_PER_NODE, purpose: Literal["run", "surface"] = "run"
+) -> None:
+    """Raise TooLargeError if a run or a surface on a grid of so many nodes needs more memory than the process may use.
 
     Parameters
     ----------
@@ -203,14 +205,16 @@ def check_grid_memory(label: str, nodes: int, bytes_per_node: int = BYTES_PER_NO
     nodes : int
         Number of nodes.
     bytes_per_node : int, optional
-        Memory of the run per node; by default that without friction, conduction, figures and fields.
+        Memory per node; by default that of a run without friction, conduction, figures and fields.
+    purpose : {'run', 'surface'}, optional
+        What needs the memory, for the message.
     """
     required, available = BASE_BYTES + nodes * bytes_per_node, usable_memory()
     if required > available:
         most = math.isqrt(max(available - BASE_BYTES, 0) // bytes_per_node)
         gigabytes = Decimal(required) / 10**9  # which may exceed the largest float
         raise TooLargeError(
-            f"{label}: a run with {nodes} nodes needs at least {gigabytes:.3g} GB; this process may use "
+            f"{label}: a {purpose} with {nodes} nodes needs at least {gigabytes:.3g} GB; this process may use "
             f"{available / 1e9:.3g} GB; allowed: about {most} x {most} nodes"
         )
 

@@ -22,7 +22,7 @@ from meeframe.model.data import Output as Output
 from meeframe.model.frames import frames_along
 from meeframe.model.heat import check_friction_heat, check_joule_heat, check_levels, unused_friction_heat
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
-from meeframe.model.memory import check_memory, memory_warning
+from meeframe.model.memory import check_memory, check_memory_of_surface, memory_warning
 from meeframe.model.preflight import check_solver, other_period, preflight, undeformed, unused_potentials
 from meeframe.model.restart import check_same_zone
 from meeframe.model.rolling_steps import check_profiles, check_rolling, check_surface, divide_steps
@@ -129,6 +129,7 @@ class Case(CaseData):
         check_contact_zone(self.mesh, self.zone)
         check_body(self.formulation, self.body)
         check_memory(self.mesh, self.contact_law, self.channels)
+        check_memory_of_surface(self.indenter)
         self.formulation.check(self.body)
         if not self.steps:
             raise CaseError("steps: at least one load step is needed")

@@ -21,7 +21,7 @@ from meeframe.model.body_tables import SecondBodyTable
 from meeframe.model.case import Case, check_indenter, check_title, resistance
 from meeframe.model.heat import check_friction_heat, check_joule_heat, check_levels
 from meeframe.model.laws import check_conductivity, check_tractions, gap_of_law, law_of_increment
-from meeframe.model.memory import check_memory
+from meeframe.model.memory import check_memory, check_memory_of_surface
 from meeframe.model.preflight import check_solver
 from meeframe.model.restart import Restart, check_same_zone
 from meeframe.model.rolling_steps import check_profiles, check_rolling, check_surface, divide_steps
@@ -117,6 +117,7 @@ def _case_checks(
     zone = table.contact.zone
     laws = table.contact.law, flux_channels(*table.conductivity.laws.values(), fields=body.fields)
     yield Problem(("mesh",), ""), partial(check_memory, body.mesh, *laws)
+    yield Problem(("indenter",), ""), partial(check_memory_of_surface, table.indenter.named)
     yield from _body_checks(table, body, ("contact", "zone"), zone)
     placement = table.indenter.record
     yield Problem(("indenter",), ""), partial(check_indenter, table.indenter.named, placement, body.mesh, zone)

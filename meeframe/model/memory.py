@@ -6,6 +6,7 @@ from typing import Final
 from meeframe.common.memory import usable_memory
 from meeframe.contact.channels import FluxChannel
 from meeframe.fields import N_MECHANICAL
+from meeframe.indenters.base import Indenter
 from meeframe.laws.base import ContactLaw, has_friction
 from meeframe.mesh.generators import BASE_BYTES, BYTES_PER_NODE, check_grid_memory
 from meeframe.mesh.surface import SurfaceMesh
@@ -18,6 +19,8 @@ of it is stored for nodes near the contact.
 """
 BYTES_PER_FLUX: Final = 240
 """Memory per node of each flux that the contact conducts, with friction."""
+BYTES_PER_SAMPLE: Final = 48
+"""Memory per sample of a surface while it is made from its spectrum: that of three complex numbers."""
 BYTES_PER_NODE_OF_REPORTS: Final = 240
 """Memory per node of figures and of fields for ParaView, which are made when that of fluxes is free again."""
 NOTICED_FRACTION: Final = 0.5
@@ -47,6 +50,13 @@ def check_memory(
     if mesh.grid is not None:
         nx, ny = mesh.grid
         check_grid_memory(f"divisions = {nx - 1} x {ny - 1}", nx * ny, _bytes_per_node(law, channels, has_reports))
+
+
+def check_memory_of_surface(indenter: Indenter) -> None:
+    """Raise TooLargeError if an indenter makes heights that need more memory than the process may use."""
+    shape = getattr(indenter, "grid_shape", None)
+    if shape is not None:
+        check_grid_memory(f"samples = {shape[0]}", shape[0] * shape[1], BYTES_PER_SAMPLE, "surface")
 
 
 def memory_warning(mesh: SurfaceMesh, law: ContactLaw, channels: Iterable[FluxChannel]) -> Iterator[str]:

@@ -10,17 +10,19 @@ import numpy as np
 from pydantic import Field, PlainValidator, Strict, ValidationError, model_validator
 
 from meeframe.common.errors import CaseError, TooLargeError, listed
+from meeframe.common.renamed import now_called
 from meeframe.contact.feasibility import largest_pressures
 from meeframe.fields import ELECTRIC, NORMAL, Array
 from meeframe.fields.units import Quantity
 from meeframe.indenters.heights import SampledHeights
 from meeframe.indenters.topography import HeightMap, SurfaceStatistics
 from meeframe.laws import StepConductivity
+from meeframe.laws.base import ConductivityLaw
 from meeframe.material.half_space import mean_compliance
 from meeframe.material.material import Material
 from meeframe.model.case import Case
 from meeframe.model.load import case_from_tables
-from meeframe.plugin.registry import Registry
+from meeframe.plugin.registry import Kind, Registry
 from meeframe.plugin.validation import Problem, TableError, problems_of
 from meeframe.study.declare import Table, Text
 from meeframe.study.rough.pressures import Choice, mean_pressures, read_choice
@@ -28,6 +30,11 @@ from meeframe.study.rough.surface import diagnostics, prepare_surface, theory_sl
 
 FORMULATION: Final = "half-space"
 """Formulation of rough contact, of the package meeframe-halfspace."""
+PERFECT: Final = StepConductivity(math.inf)
+"""Law of an interface without a film, which charges and currents pass wherever the surfaces touch."""
+_CONDUCTANCE: Final = Quantity("S/m^2", ge=0)
+_CURRENT_UNITS: Final = "S/m^2 S/m V/m"
+"""Units of laws of currents."""
 
 
 class RoughTable(Table):
@@ -40,7 +47,7 @@ class RoughTable(Table):
     surface
         The surface, with the keys of [indenter] in a case file.
     material, contact, conductivity, formulation, solver
-        Tables as in a case file; the formulation is half-space.
+        Tables as in a case file; the formulation is half-space, and laws of the conductivity are those of charges.
     pressures
         Mean pressures that increase, their range, or a single one.
     periodic
@@ -51,6 +58,8 @@ class RoughTable(Table):
         Potential of the surface; the charge is then computed.
     electrical_conductivity
         Conductivity of the body [S/m]; the contact conductance is then computed.
+    contact_conductance
+        Law of the interface for currents, or its conductance where the surfaces touch [S/m^2]; by default inf.
     stiffness
         Whether the incremental stiffness is computed, by two further loads for each pressure.
     """
@@ -67,6 +76,7 @@ class RoughTable(Table):
     samples: Annotated[int, Strict(), Field(ge=4)] | None = None
     electric_potential: Annotated[float, Quantity("V", gt=-float("inf"), lt=float("inf"))] | None = None
     electrical_conductivity: Annotated[float, Quantity("S/m", gt=0, lt=float("inf"))] | None = None
+    contact_conductance: Any = None
     stiffness: Annotated[bool, Strict()] = True
 
     @model_validator(mode="after")
@@ -75,6 +85,18 @@ class RoughTable(Table):
             raise ValueError(f"formulation.name = {self.formulation['name']!r}; allowed: {FORMULATION}")
         if "periodic" in self.formulation:
             raise ValueError("formulation.periodic: allowed: the key periodic of the study in its place")
+        return self
+
+    @model_validator(mode="after")
+    def _check_currents(self) -> "RoughTable":
+        has_currents, has_law = self.electrical_conductivity is not None, self.contact_conductance is not None
+        if has_law and not has_currents:
+            raise ValueError("contact_conductance: needs electrical_conductivity, the conductivity of the body")
+        if has_currents and "electric" in self.conductivity and not has_law:
+            raise ValueError(
+                f"conductivity.electric: for currents {now_called('contact_conductance')} [S/m^2]; allowed with "
+                "electrical_conductivity: both, conductivity.electric for charges [F/m^2], or contact_conductance alone"
+            )
         return self
 
 
@@ -103,6 +125,8 @@ class RoughStudy:
         Largest pressure that the contact law bears [Pa].
     is_coupled : bool
         Whether mechanical and electric fields are coupled.
+    current_law : ConductivityLaw
+        Law of the interface for currents.
     """
 
     table: RoughTable
@@ -114,12 +138,7 @@ class RoughStudy:
     modulus: float
     bound: float
     is_coupled: bool
-
-    @property
-    def conducts_perfectly(self) -> bool:
-        """True if currents and charges pass the contact without a film, wherever the surfaces touch."""
-        law = self.case.conductivity["electric"]
-        return "electric" not in self.table.conductivity or law == StepConductivity(math.inf)
+    current_law: ConductivityLaw
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -153,8 +172,10 @@ def declare(tables: Mapping[str, Any], registry: Registry, folder: Path = Path()
     """
     try:
         table = _table(tables)
-        surface = prepare_surface(table.surface, table.periodic, table.samples, replace(registry, folder=folder))
-        return _study(table, surface, registry, folder)
+        local = replace(registry, folder=folder)
+        law = _current_law(table.contact_conductance, local)
+        surface = prepare_surface(table.surface, table.periodic, table.samples, local)
+        return _study(table, surface, law, registry, folder)
     except TableError as error:
         raise CaseError(listed(f"{origin}{problem}" for problem in error.problems)) from error.__cause__
     except TooLargeError as error:
@@ -171,7 +192,7 @@ def _table(tables: Mapping[str, Any]) -> RoughTable:
         ) from None
 
 
-def _study(table: RoughTable, surface: HeightMap, registry: Registry, folder: Path) -> RoughStudy:
+def _study(table: RoughTable, surface: HeightMap, law: ConductivityLaw, registry: Registry, folder: Path) -> RoughStudy:
     statistics = SurfaceStatistics.of(surface)
     slope = theory_slope(surface, statistics)
     first = _case(table, surface, registry, folder)
@@ -183,7 +204,23 @@ def _study(table: RoughTable, surface: HeightMap, registry: Registry, folder: Pa
     steps = tuple(replace(step, normal_force=pressure * area) for pressure in pressures)
     coupled = bool(np.any(first.material.piezoelectric) or np.any(first.material.magnetoelectric))
     case = replace(first, steps=steps)
-    return RoughStudy(table, surface, statistics, case, np.array(pressures), slope, modulus, bound, coupled)
+    return RoughStudy(table, surface, statistics, case, np.array(pressures), slope, modulus, bound, coupled, law)
+
+
+def _current_law(value: Any, registry: Registry) -> ConductivityLaw:
+    """Return the law of the key contact_conductance: a conductance [S/m^2], the name or table of a law, or a law."""
+    if value is None:
+        return PERFECT
+    try:
+        if isinstance(value, Mapping | ConductivityLaw) or value in registry.names(Kind.CONDUCTIVITY_LAW):
+            law: ConductivityLaw = replace(registry, unit=_CURRENT_UNITS).create(Kind.CONDUCTIVITY_LAW, value)
+            return law
+        return StepConductivity(_CONDUCTANCE.check(value))
+    except TableError as error:
+        problems = (problem.inside("contact_conductance") for problem in error.problems)
+        raise TableError(*problems) from error.__cause__
+    except ValueError as error:
+        raise TableError(Problem(("contact_conductance",), f"{error}, or a conductivity law", value)) from None
 
 
 def _extents(surface: HeightMap) -> tuple[float, float]:

@@ -21,7 +21,7 @@ from meeframe.results.canvas import (
     sheet,
     styled,
 )
-from meeframe.study.rough.declare import RoughStudy
+from meeframe.study.rough.declare import PERFECT, RoughStudy
 from meeframe.study.rough.quantities import QUANTITIES
 from meeframe.study.rough.run import RoughResult
 from meeframe.study.rough.theory import bush_gibson_thomas_area, persson_area
@@ -155,7 +155,7 @@ def _finite(values: Array) -> Array:
 
 def _has_identity(study: RoughStudy) -> bool:
     """Return whether the stiffness determines the conductance: of hard, perfectly conducting and uncoupled contacts."""
-    return isinstance(study.case.contact_law, Signorini) and study.conducts_perfectly and not study.is_coupled
+    return isinstance(study.case.contact_law, Signorini) and study.current_law == PERFECT and not study.is_coupled
 
 
 def _printed(unit: str) -> str:

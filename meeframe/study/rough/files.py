@@ -9,12 +9,20 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from rich.console import RenderableType
+from rich.console import Group, RenderableType
+from rich.text import Text
 
 from meeframe.common.errors import ResultError
 from meeframe.common.hdf5 import open_hdf5
 from meeframe.common.json_values import plain
-from meeframe.indenters.topography import bearing_curve, profile_spectrum, radial_spectrum, scale_dependent_slope
+from meeframe.common.memoize import memoize_by_identity
+from meeframe.indenters.topography import (
+    HeightMap,
+    bearing_curve,
+    profile_spectrum,
+    radial_spectrum,
+    scale_dependent_slope,
+)
 from meeframe.results.figures import write_figure
 from meeframe.results.hdf5 import sink
 from meeframe.results.output import in_all_formats, replacing
@@ -60,7 +68,7 @@ def dataset(result: RoughResult) -> Any:
     check_installed()
     import xarray
 
-    surface = result.study.surface
+    surface, title, planned = result.study.surface, result.study.table.title, len(result.study.pressures)
     variables: dict[str, Any] = {
         name: (["pressure"], values, {"units": QUANTITIES[name].unit, "long_name": QUANTITIES[name].label})
         for name, values in result.values.items()
@@ -70,15 +78,30 @@ def dataset(result: RoughResult) -> Any:
     variables["height"] = ["y", "x"], surface.heights.T, _named("m", "height, peaks up")
     if result.nodal_pressure.size:
         variables["nodal_pressure"] = ["y", "x"], result.nodal_pressure.T, _named("Pa", "pressure at the last load")
-    rings, (fractions, levels) = radial_spectrum(surface), bearing_curve(surface)
-    variables["spectrum"] = ["wave_number"], rings.density, _named("m^4", "power spectral density")
-    variables["bearing_height"] = ["bearing_fraction"], levels, _named("m", "height with this bearing ratio")
-    distances, slopes = scale_dependent_slope(surface)
-    variables["scale_dependent_slope"] = ["distance"], slopes, _named("1", "root mean square slope")
     coordinates = {
         "pressure": (["pressure"], result.pressures, _named("Pa", "mean pressure")),
         "x": (["x"], surface.x, _named("m", "x")),
         "y": (["y"], surface.y, _named("m", "y")),
+    }
+    data = xarray.Dataset(
+        variables, coordinates, {"format": FORMAT, "title": title, "planned": planned, **facts(result)}
+    )
+    return data.merge(_curves(surface))
+
+
+@memoize_by_identity
+def _curves(surface: HeightMap) -> Any:
+    """Return the spectra, the bearing curve and the slope by scale as an xarray.Dataset."""
+    import xarray
+
+    rings, (fractions, levels) = radial_spectrum(surface), bearing_curve(surface)
+    distances, slopes = scale_dependent_slope(surface)
+    variables: dict[str, Any] = {
+        "spectrum": (["wave_number"], rings.density, _named("m^4", "power spectral density")),
+        "bearing_height": (["bearing_fraction"], levels, _named("m", "height with this bearing ratio")),
+        "scale_dependent_slope": (["distance"], slopes, _named("1", "root mean square slope")),
+    }
+    coordinates: dict[str, Any] = {
         "wave_number": (["wave_number"], rings.wave_number, _named("1/m", "wave number")),
         "bearing_fraction": (["bearing_fraction"], fractions, _named("1", "bearing ratio")),
         "distance": (["distance"], distances, _named("m", "distance")),
@@ -91,9 +114,7 @@ def dataset(result: RoughResult) -> Any:
             _named("m^3", f"spectrum of profiles along {name}"),
         )
         coordinates[f"wave_number_{name}"] = [f"wave_number_{name}"], q, _named("1/m", f"wave number along {name}")
-    return xarray.Dataset(
-        variables, coordinates, {"format": FORMAT, "title": result.study.table.title, **facts(result)}
-    )
+    return xarray.Dataset(variables, coordinates)
 
 
 def _named(unit: str, label: str) -> dict[str, str]:
@@ -149,7 +170,10 @@ def stored_table(folder: Path) -> RenderableType:
                 raise ResultError(f"{path}: format {version!r} is unknown; this version reads {FORMAT!r}")
             values = {name: np.asarray(file[name], float) for name in QUANTITIES if name in file}
             status, message = ([str(text) for text in file[name].asstr()[:]] for name in ("status", "message"))
-            return rough_table(str(file.attrs["title"]), np.asarray(file["pressure"], float), values, status, message)
+            planned = int(np.max(file.attrs.get("planned", len(status))))
+            table = rough_table(str(file.attrs["title"]), np.asarray(file["pressure"], float), values, status, message)
+            unfinished = f"{len(status)} of {planned} pressures are finished"
+            return Group(table, Text(unfinished)) if len(status) < planned else table
     except OSError as error:
         raise ResultError(f"{path} cannot be read: {error.strerror or error}") from None
     except (AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
@@ -187,6 +211,21 @@ def write_rough(folder: Path, result: RoughResult, suffix: str = "png") -> None:
     CaseError
         Without xarray.
     """
+    write_tables(folder, result)
+    for name, figure in ((SURFACE_PICTURE, surface_figure(result)), (CONTACT_PICTURE, contact_figure(result))):
+        write_figure(figure, folder, name, suffix)
+
+
+def write_tables(folder: Path, result: RoughResult) -> None:
+    """Write the dataset, the table and the statistics as `write_rough`, without the pictures.
+
+    Parameters
+    ----------
+    folder : Path
+        Existing folder.
+    result : RoughResult
+        The result, with at least one pressure.
+    """
     backends, h5netcdf = import_module("xarray.backends"), import_module("h5netcdf")
     with replacing(folder / DATASET_FILE) as path, sink(path, "w") as stream, h5netcdf.File(stream, "w") as file:
         dataset(result).dump_to_store(backends.H5NetCDFStore(file))
@@ -194,5 +233,3 @@ def write_rough(folder: Path, result: RoughResult, suffix: str = "png") -> None:
     for name, text in ((TABLE_FILE, csv_text(result)), (STATISTICS_FILE, f"{statistics}\n")):
         with replacing(folder / name) as path:
             path.write_text(text, encoding="utf-8")
-    for name, figure in ((SURFACE_PICTURE, surface_figure(result)), (CONTACT_PICTURE, contact_figure(result))):
-        write_figure(figure, folder, name, suffix)

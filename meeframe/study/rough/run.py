@@ -1,7 +1,7 @@
 """Solution of the study of a rough surface: one reduced system for all mean pressures."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -9,12 +9,12 @@ import numpy as np
 
 from meeframe.contact.problem import Status
 from meeframe.fields import Array
-from meeframe.laws import StepConductivity
+from meeframe.laws.base import ConductivityLaw
 from meeframe.model.case import Case
 from meeframe.model.solve import reduce, solve_steps
 from meeframe.results.records import StepResult, zone_of
 from meeframe.results.result import Interrupted
-from meeframe.study.rough.declare import RoughStudy, conductor
+from meeframe.study.rough.declare import PERFECT, RoughStudy, conductor
 from meeframe.study.rough.quantities import QUANTITIES, Contact, is_full, per_drop, stiffness
 from meeframe.study.rough.theory import bush_gibson_thomas_area, persson_area
 from meeframe.system.reduced import Progress, ReducedSystem, silent
@@ -69,7 +69,9 @@ class _Point:
     nodal_pressure: Array
 
 
-def solve_rough(study: RoughStudy, progress: Progress = silent) -> RoughResult:
+def solve_rough(
+    study: RoughStudy, progress: Progress = silent, finished: Callable[[RoughResult], None] = lambda _result: None
+) -> RoughResult:
     """Solve a study in memory.
 
     Parameters
@@ -78,6 +80,8 @@ def solve_rough(study: RoughStudy, progress: Progress = silent) -> RoughResult:
         The study.
     progress : callable, optional
         Function that is called with the name of a stage and the fraction of it that is done.
+    finished : callable, optional
+        Function that is called after each pressure but the last, with the result so far.
 
     Returns
     -------
@@ -96,6 +100,8 @@ def solve_rough(study: RoughStudy, progress: Progress = silent) -> RoughResult:
     try:
         for point in solution.points():
             points.append(point)
+            if len(points) < len(study.pressures):
+                finished(_collect(study, points))
     except KeyboardInterrupt:
         raise Interrupted(_collect(study, points)) from None
     return _collect(study, points)
@@ -137,11 +143,13 @@ class _Solution:
                 steps["reference"] = next(reference)
             if study.table.electric_potential:
                 unloaded = self._contact(steps["reference"]) if reference else None
-                values["capacitance"] = per_drop(contact, unloaded, self._has_drop(contact))
+                values["capacitance"] = per_drop(
+                    contact, unloaded, self._has_drop(contact, case.conductivity["electric"])
+                )
             if current is not None:
                 steps["current"] = next(current)
                 conducting = self._contact(steps["current"])
-                values["conductance"] = per_drop(conducting, has_drop=self._has_drop(conducting))
+                values["conductance"] = per_drop(conducting, has_drop=self._has_drop(conducting, study.current_law))
             if nearby is not None:
                 steps |= {"below": next(nearby), "above": next(nearby)}
                 pair = self._contact(steps["below"]), self._contact(steps["above"])
@@ -164,9 +172,9 @@ class _Solution:
             "bush_gibson_thomas_area": float(bush_gibson_thomas_area(relative)),
         }
 
-    def _has_drop(self, contact: Contact) -> bool:
+    def _has_drop(self, contact: Contact, law: ConductivityLaw) -> bool:
         """Return whether potentials differ across the contact, as they do but in perfect contact of a whole period."""
-        return not (self._periodic and self._study.conducts_perfectly and is_full(contact, self._height))
+        return not (self._periodic and law == PERFECT and is_full(contact, self._height))
 
     def _contact(self, step: StepResult) -> Contact:
         return Contact.of(self._zone, step, self._periodic)
@@ -184,9 +192,7 @@ class _Solution:
         study = self._study
         assert study.table.electrical_conductivity is not None
         material = conductor(study.case.material, study.table.electrical_conductivity)
-        laws = dict(study.case.conductivity)
-        if "electric" not in study.table.conductivity:
-            laws["electric"] = StepConductivity(math.inf)
+        laws = {"electric": study.current_law}
         case = _at_potential(replace(study.case, material=material, conductivity=laws), 1.0)
         yield from self._steps(case, reduce(case))
 

@@ -1,7 +1,8 @@
 """The study of a rough surface from a file or options to files in a folder."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from time import monotonic
 from typing import Any, Final
 
 from meeframe.common.errors import CaseError
@@ -13,12 +14,14 @@ from meeframe.results.output import open_output, remove_files
 from meeframe.results.result import Interrupted
 from meeframe.results.sweep_files import check_installed
 from meeframe.study.rough.declare import RoughStudy, declare
-from meeframe.study.rough.files import FILES, write_rough
+from meeframe.study.rough.files import FILES, write_rough, write_tables
 from meeframe.study.rough.run import RoughResult, solve_rough
 from meeframe.system.reduced import Progress, silent
 
 HEIGHT_MAP: Final = "height-map"
 """Indenter of files of heights."""
+INTERVAL: Final = 2.0
+"""Time after which finished pressures are written again [s]; for small surfaces this takes a third of a second."""
 
 
 def load_study(source: Path, options: Mapping[str, Any], registry: Registry | None = None) -> RoughStudy:
@@ -98,7 +101,8 @@ def rough(
     Raises
     ------
     Interrupted
-        After Ctrl-C; the finished pressures are written, and a note says so.
+        After Ctrl-C; the finished pressures are written, and a note says so. A process that is killed, or that an error
+        ends, leaves their dataset and table, but for pressures of the last `INTERVAL` seconds.
     ResultError
         Before anything is computed, for an unknown format, or if the folder cannot be written or holds anything and
         overwrite is false.
@@ -110,17 +114,36 @@ def rough(
     check_installed()
     check_format(suffix)
     with open_output(out, overwrite):
+        writer = _Writer(out)
         try:
-            result = solve_rough(study, progress)
-        except Interrupted as error:
-            finished, count = len(error.result.status), len(study.pressures)
-            if finished:
-                remove_files(out, FILES)
-                write_rough(out, error.result, suffix)
-            where = f"and in {out}" if finished else f"; nothing was written to {out}"
-            error.add_note(f"{finished} of {count} pressures are finished {where}".replace(" ;", ";"))
+            result = solve_rough(study, progress, writer.update)
+        except BaseException as error:
+            if isinstance(error, Interrupted) and error.result.status:
+                writer.write(write_rough, error.result, suffix)
+            if writer.written or isinstance(error, Interrupted):
+                where = f" and in {out}" if writer.written else f"; nothing was written to {out}"
+                error.add_note(f"{writer.written} of {len(study.pressures)} pressures are finished{where}")
             raise
         progress("writing", 0.0)
-        remove_files(out, FILES)
-        write_rough(out, result, suffix)
+        writer.write(write_rough, result, suffix)
         return result
+
+
+class _Writer:
+    """Writer of finished pressures into a folder, from which it removes the files of an earlier study first."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._time = folder, monotonic()
+        self.written = 0
+
+    def update(self, result: RoughResult) -> None:
+        """Write the dataset and the table of a result so far, unless they were written a short time ago."""
+        if monotonic() >= self._time + INTERVAL:
+            self.write(write_tables, result)
+
+    def write(self, function: Callable[..., None], result: RoughResult, *arguments: str) -> None:
+        """Write a result by a function of the folder, the result and further arguments."""
+        if not self.written:
+            remove_files(self._folder, FILES)
+        function(self._folder, result, *arguments)
+        self.written, self._time = len(result.status), monotonic()

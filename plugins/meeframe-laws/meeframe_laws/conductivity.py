@@ -41,7 +41,7 @@ class PowerLaw(ConductivityLaw):
     Yovanovich, Thermal contact correlations, Prog. Astronaut. Aeronaut. 83, 1982.
     """
 
-    reference_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0, lt=math.inf)]
+    reference_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", "S/m^2", ge=0, lt=math.inf)]
     reference_pressure: Annotated[float, Quantity("Pa", gt=0, lt=math.inf)]
     exponent: Annotated[float, Quantity("", gt=0, lt=math.inf)] = 0.95
 
@@ -79,7 +79,7 @@ class Saturating(ConductivityLaw):
     conducts.
     """
 
-    largest_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0, lt=math.inf)]
+    largest_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", "S/m^2", ge=0, lt=math.inf)]
     saturation_pressure: Annotated[float, Quantity("Pa", gt=0, lt=math.inf)]
 
     def __post_init__(self) -> None:
@@ -115,7 +115,7 @@ class Thresholded(ConductivityLaw):
     law has a ramp instead of a step, since there is no solution where the pressure equals that of a step.
     """
 
-    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0, lt=math.inf)]
+    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", "S/m^2", ge=0, lt=math.inf)]
     threshold: Annotated[float, Quantity("Pa", ge=0, lt=math.inf)]
     ramp: Annotated[float, Quantity("Pa", gt=0, lt=math.inf)]
 
@@ -159,8 +159,8 @@ class AcrossGap(ConductivityLaw):
 
     across_gap: ClassVar[bool] = True
 
-    gap_constant: Annotated[float, Quantity("F/m", "H/m", "W/m/K", ge=0, lt=math.inf)]
-    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0)] = math.inf
+    gap_constant: Annotated[float, Quantity("F/m", "H/m", "W/m/K", "S/m", ge=0, lt=math.inf)]
+    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", "S/m^2", ge=0)] = math.inf
     residual_gap: Annotated[float, Quantity("m", ge=0, lt=math.inf)] = 0.0
 
     def __post_init__(self) -> None:
@@ -207,10 +207,10 @@ class Breakdown(ConductivityLaw):
 
     across_gap: ClassVar[bool] = True
 
-    gap_constant: Annotated[float, Quantity("F/m", "H/m", "W/m/K", ge=0, lt=math.inf)]
+    gap_constant: Annotated[float, Quantity("F/m", "H/m", "W/m/K", "S/m", ge=0, lt=math.inf)]
     breakdown_field: Annotated[float, Quantity("V/m", "A/m", "K/m", gt=0, lt=math.inf)]
-    breakdown_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0, lt=math.inf)]
-    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0)] = math.inf
+    breakdown_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", "S/m^2", ge=0, lt=math.inf)]
+    contact_conductivity: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", "S/m^2", ge=0)] = math.inf
     residual_gap: Annotated[float, Quantity("m", ge=0, lt=math.inf)] = 0.0
 
     def __post_init__(self) -> None:
@@ -251,7 +251,7 @@ class Robin(ConductivityLaw):
     Carslaw & Jaeger, Conduction of Heat in Solids (1959), section 1.9 (radiation into a medium).
     """
 
-    kappa: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", ge=0)]
+    kappa: Annotated[float, Quantity("F/m^2", "H/m^2", "W/m^2/K", "S/m^2", ge=0)]
 
     def __post_init__(self) -> None:
         check_quantities(self)

@@ -1,5 +1,6 @@
 """The command `rough`: its files, options, messages and interruption."""
 
+import importlib
 import json
 import os
 import signal
@@ -103,6 +104,19 @@ def test_show_reports_damaged_datasets(study, tmp_path, change):
     ] in done.output.replace("\n", " ")
 
 
+@pytest.mark.parametrize(
+    ("options", "count"), [([], 0), (["--contact-conductance", "30 GS/m^2"], 1), (["--contact-conductance", "inf"], 1)]
+)
+def test_law_of_charges_is_not_that_of_currents(study, tmp_path, options, count):
+    """A study file of earlier versions is refused with the new name of its key, which an option may give."""
+    study.write_text(f'{STUDY}[conductivity]\nelectric = {{ name = "step", kappa = 3e10 }}\n', encoding="utf-8")
+    done = invoke(study, "--out", tmp_path / "out", "--conductivity", "58 MS/m", "--pressure", "1 GPa", *options)
+    assert done.exit_code == (0 if count else 2), done.output
+    message = "study.toml: conductivity.electric: for currents it is now called 'contact_conductance' [S/m^2]"
+    assert (message in done.output) == (not count)
+    assert len(list((tmp_path / "out").glob("rough.csv"))) == count
+
+
 @pytest.mark.full
 def test_height_map_with_options(tmp_path):
     done = invoke(
@@ -138,6 +152,14 @@ def test_height_map_with_options(tmp_path):
             "samples = 100000000: a run with 200000000 nodes needs at least ",
         ),
         (["--modulus", "1 GPa", "--hardness", "soft"], "hardness"),
+        (
+            ["--modulus", "1 GPa", "--contact-conductance", "1e12 S/m^2"],
+            "study.toml: contact_conductance: needs electrical_conductivity",
+        ),
+        (
+            ["--modulus", "1 GPa", "--conductivity", "58 MS/m", "--contact-conductance", "1 F/m^2"],
+            "study.toml: contact_conductance = '1 F/m^2': has the wrong unit; expected a number in S/m^2",
+        ),
         ([], "material: missing"),
     ],
 )
@@ -202,12 +224,72 @@ def test_implausible_units_are_warned_of(tmp_path):
 
 
 @pytest.mark.full
+@pytest.mark.parametrize(
+    ("end", "status", "message"),
+    [
+        ("os.kill(os.getpid(), signal.SIGKILL)", -signal.SIGKILL, ""),
+        ("raise MemoryError", 1, "error: not enough memory; 2 of 3 pressures are finished and in "),
+    ],
+)
+def test_ended_processes_leave_finished_pressures(study, tmp_path, end, status, message):
+    """A process that is killed, or runs out of memory, at its third pressure leaves two, and no picture of a study
+    before."""
+    out, three = tmp_path / "out", ["--pressure", "1 GPa", "--pressure", "1.5 GPa", "--pressure", "2 GPa"]
+    assert invoke(study, "--out", out, "--pressure", "3 GPa").exit_code == 0
+    script = (
+        "import os, signal\n"
+        "from meeframe.study.rough import run, study\n"
+        "study.INTERVAL = 0.0\n"
+        "points = run._Solution.points\n"
+        "def ended(self):\n"
+        "    for number, point in enumerate(points(self)):\n"
+        "        if number == 2:\n"
+        f"            {end}\n"
+        "        yield point\n"
+        "run._Solution.points = ended\n"
+        "from meeframe.cli import main\n"
+        "main()\n"
+    )
+    arguments = [sys.executable, "-c", script, "rough", str(study), "--out", str(out), "--overwrite", *three]
+    environment = os.environ | {"NUMBA_NUM_THREADS": "1"}
+    done = subprocess.run(arguments, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == status, done.stderr
+    assert message in done.stderr
+    assert {path.name for path in out.iterdir()} - {".lock"} == {"rough.h5", "rough.csv", "surface.json"}
+    assert [row.split(",")[0] for row in (out / "rough.csv").read_text().splitlines()[1:]] == [
+        "1000000000",
+        "1500000000",
+    ]
+    shown = show(out)
+    assert shown.exit_code == 0, shown.output
+    assert "2 of 3 pressures are finished" in shown.output
+    again = invoke(study, "--out", out, "--overwrite", *three)
+    assert again.exit_code == 0, again.output
+    assert "pressures are finished" not in show(out).output
+    assert not (out / ".lock").exists()
+
+
+def test_quick_pressures_are_written_once(study, tmp_path, monkeypatch):
+    """Finished pressures are written every two seconds, not after each of those that take less."""
+    files, seconds = importlib.import_module("meeframe.study.rough.study"), iter([0.0, 1.0, 2.5, 2.6, 4.0, 5.0])
+    written, original = [], files.write_tables
+    monkeypatch.setattr(files, "monotonic", lambda: next(seconds))
+    monkeypatch.setattr(
+        files, "write_tables", lambda folder, result: (written.append(len(result.status)), original(folder, result))
+    )
+    options = [text for pressure in (1.0, 1.2, 1.4, 1.6) for text in ("--pressure", f"{pressure} GPa")]
+    done = invoke(study, "--out", tmp_path / "out", *options)
+    assert done.exit_code == 0, done.output
+    assert written == [2]
+    assert len((tmp_path / "out" / "rough.csv").read_text().splitlines()) == 5
+
+
+@pytest.mark.full
 def test_interruption_leaves_finished_pressures(study, tmp_path):
     """A process that is interrupted at its second pressure reports what is in the folder."""
     script = (
         "import os, signal, sys\n"
         "from meeframe.study.rough import run\n"
-        "original = run._collect\n"
         "points = run._Solution.points\n"
         "def interrupted(self):\n"
         "    yield next(points(self))\n"

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
+from meeframe.cli import app
 from meeframe.common.errors import CaseError, TooLargeError
 from meeframe.common.memory import control_group_limits, usable_memory
 from meeframe.elements import Quad4
@@ -66,6 +68,39 @@ def make(**changes: Any) -> Case:
         steps=(Step(normal_force=1.0),),
     )
     return replace(case, **changes)
+
+
+SELF_AFFINE = {
+    "name": "self-affine",
+    "period": 1e-3,
+    "shortest": 1e-4,
+    "hurst": 0.8,
+    "rms_height": 1e-7,
+    "samples": 3000,
+}
+
+
+def test_samples_of_a_surface_beyond_the_memory_are_refused_before_they_are_made(tmp_path, machine, monkeypatch):
+    indenter = plugins.load().create(Kind.INDENTER, SELF_AFFINE)
+    monkeypatch.setattr(type(indenter), "surface", lambda surface: pytest.fail("heights are made"))
+    monkeypatch.setattr(type(indenter), "height", lambda surface, x, y: pytest.fail("heights are made"))
+    machine(500_000_000)
+    message = (
+        "samples = 3000: a surface with 9000000 nodes needs at least 0.702 GB; this process may use 0.5 GB; allowed: "
+        "about 2188 x 2188 nodes"
+    )
+    with pytest.raises(TooLargeError) as caught:
+        make(indenter=indenter)
+    assert str(caught.value) == message
+    lines = "\n".join(f"{key} = {value!r}" for key, value in SELF_AFFINE.items())
+    text = FILE.replace('name = "sphere"\nradius = "0.1 m"', lines)
+    assert text != FILE
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+    for command in (["check"], ["run", "--out", str(tmp_path / "out")]):
+        done = CliRunner().invoke(app, [command[0], str(tmp_path / "case.toml"), *command[1:]])
+        assert done.exit_code == 2, done.output
+        assert f"case.toml: indenter: {message}" in done.output
+    assert not (tmp_path / "out").exists()
 
 
 def test_each_loaded_field_counts():

@@ -114,15 +114,39 @@ def test_conductance_and_stiffness_agree_by_barber():
 def test_film_adds_its_resistance():
     """On full contact the current is uniform, and the conductance is that of the film."""
     surface, flat = wave(32)
-    film = {"electric": {"name": "step", "kappa": 3e10}}
+    keys = {"electrical_conductivity": SIGMA, "contact_conductance": "30 GS/m^2", "stiffness": False}
     full, part = (
-        solve_rough(
-            study(surface=surface, pressures=[p], electrical_conductivity=SIGMA, conductivity=film, stiffness=False)
-        ).values["conductance"][0]
+        solve_rough(study(surface=surface, pressures=[p], **keys)).values["conductance"][0]
         for p in (1.5 * flat, 0.3 * flat)
     )
     assert full == pytest.approx(3e10, rel=1e-6)
     assert part < 0.5 * full
+
+
+def test_films_of_charges_and_currents_differ():
+    """On full contact, capacitance and conductance are those of their films, each with its unit, in one study."""
+    surface, flat = wave(32)
+    charges = {"electric": {"name": "step", "kappa": "2 uF/m^2"}}
+    currents = {"name": "power-law", "reference_conductivity": "5 GS/m^2", "reference_pressure": flat, "exponent": 1.0}
+    keys = {"electric_potential": "2 V", "electrical_conductivity": SIGMA, "stiffness": False}
+    checked = study(surface=surface, pressures=[2.0 * flat], conductivity=charges, contact_conductance=currents, **keys)
+    values = solve_rough(checked).values
+    assert values["capacitance"][0] == pytest.approx(2e-6, rel=1e-6)
+    # the pressure is 2 + cos, with a mean of 2, and the body conducts far better than the film
+    assert values["conductance"][0] == pytest.approx(10e9, rel=0.01)
+    perfect = study(
+        surface=surface, pressures=[2.0 * flat], conductivity=charges, contact_conductance="inf S/m^2", **keys
+    )
+    assert solve_rough(perfect).values["conductance"][0] == np.inf
+
+
+def test_films_of_currents_in_all_forms():
+    law = meeframe.StepConductivity(3e10)
+    forms = (3e10, "30 GS/m^2", {"name": "step", "kappa": "30 GS/m^2"}, law)
+    laws = [study(electrical_conductivity=SIGMA, contact_conductance=form).current_law for form in forms]
+    assert laws == [law] * 4
+    none = solve_rough(study(electrical_conductivity=SIGMA, contact_conductance="insulating", stiffness=False))
+    assert none.values["conductance"][0] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_piezoelectric_charge_and_capacitance():
@@ -268,6 +292,29 @@ def test_python_function(tmp_path):
         ({"formulation": {"density": "linear"}}, r"formulation.density"),
         ({"samples": 3}, r"samples"),
         ({"electric_potential": "1 A"}, r"electric_potential.*unit"),
+        (
+            {"electrical_conductivity": SIGMA, "conductivity": {"electric": {"name": "step", "kappa": 3e10}}},
+            r"^conductivity\.electric: for currents it is now called 'contact_conductance' \[S/m\^2\]; allowed ",
+        ),
+        ({"contact_conductance": 3e10}, r"^contact_conductance: needs electrical_conductivity"),
+        (
+            {"electrical_conductivity": SIGMA, "contact_conductance": "1 uF/m^2"},
+            r"^contact_conductance = '1 uF/m\^2': has the wrong unit; expected .* S/m\^2 .*, or a conductivity law",
+        ),
+        ({"electrical_conductivity": SIGMA, "contact_conductance": -1}, r"^contact_conductance = -1: must be >= 0"),
+        (
+            {"electrical_conductivity": SIGMA, "contact_conductance": {"name": "step", "kappa": "1 uF/m^2"}},
+            r"^contact_conductance\.kappa = '1 uF/m\^2': has the wrong unit; expected a number in S/m\^2 ",
+        ),
+        (
+            {"electric_potential": 1.0, "conductivity": {"electric": {"name": "step", "kappa": "1e12 S/m^2"}}},
+            r"^conductivity\.electric\.kappa = '1e12 S/m\^2': has the wrong unit; expected a number in F/m\^2 ",
+        ),
+        (
+            {"electrical_conductivity": SIGMA, "contact_conductance": {"name": "stepp"}},
+            r"^contact_conductance\.name: unknown conductivity law 'stepp'; did you mean 'step'",
+        ),
+        ({"electrical_conductivity": "1 S/m^2"}, r"^electrical_conductivity = '1 S/m\^2': has the wrong unit"),
         ({"ambient": 1}, r"ambient.*unknown key"),
     ],
 )
@@ -320,8 +367,8 @@ def test_full_contact_has_no_resistance(samples, material):
 
 def test_films_resist_in_full_contact():
     """The stiffness is infinite, but not the conductance of a film."""
-    film = {"electric": {"name": "step", "kappa": 3e10}}
-    values = solve_rough(study(pressures=["100 GPa"], electrical_conductivity=SIGMA, conductivity=film)).values
+    keys = {"electrical_conductivity": SIGMA, "contact_conductance": 3e10}
+    values = solve_rough(study(pressures=["100 GPa"], **keys)).values
     assert values["stiffness"][0] == np.inf
     assert values["conductance"][0] == pytest.approx(3e10, rel=1e-6)
 
@@ -347,8 +394,8 @@ def crosses(**keys):
 @pytest.mark.full
 def test_barber_is_drawn_where_it_holds():
     assert crosses() == 1
-    assert crosses(conductivity={"electric": {"name": "step", "kappa": float("inf")}}) == 1
-    assert crosses(conductivity={"electric": {"name": "step", "kappa": 3e10}}) == 0
+    assert crosses(contact_conductance={"name": "step", "kappa": float("inf")}) == 1
+    assert crosses(contact_conductance=3e10) == 0
     assert crosses(contact={"law": {"name": "hardness", "hardness": "30 GPa"}}) == 0
     assert crosses(material={"name": "pzt-4"}) == 0
 
