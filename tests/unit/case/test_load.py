@@ -482,5 +482,5 @@ def test_integers_too_long_to_print(registry, tables, text):
 
 def test_extreme_meshes(write_case, registry):
     change = ('"50 mm"', "1e60"), ('name = "winkler"\nstiffness = "1e14 Pa/m"', 'name = "dense-bem"')
-    with np.errstate(all="ignore"), pytest.raises(CaseError, match=r"case.toml: mesh: the surface has points that coincide"):
+    with np.errstate(all="ignore"), pytest.raises(CaseError, match=r"case.toml: mesh: .* points that coincide"):
         load_case(write_case(*change), registry)
