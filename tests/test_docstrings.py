@@ -61,7 +61,8 @@ def is_function(value: Any) -> bool:
 
 
 def documented(docstring: str | None, *titles: str) -> list[str]:
-    """Return the names in sections of a docstring."""
+    """Return the names in sections of a docstring, whose titles are underlined in lines of their own."""
+    assert not re.search(r"\w -{4,} \w", docstring or ""), docstring
     titles = "|".join(titles)
     sections = re.findall(
         rf"^(?:{titles})\n-+\n(.*?)(?=\n\n[^\n]+\n---|\Z)", inspect.cleandoc(docstring or ""), re.M | re.S

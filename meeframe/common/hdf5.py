@@ -22,6 +22,9 @@ _NO_COMPRESSION: Final = (h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
 """Filters of HDF5 that do not change the size, except by a check sum."""
 _CHECK_SUM: Final = 4
 """Size [bytes] of a check sum."""
+_POINTER, _REFERENCE = 8, 16
+"""Sizes [bytes] of an element of variable length in memory, and in a file."""
+_FILTER_NAMES: Final = {1: "gzip", 4: "szip", 5: "nbit", 6: "scale-offset", 32000: "lzf"}
 _DOUBLE: Final = 8
 """Size [bytes] of the numbers that arrays become."""
 _HEAP: Final = b"GCOL\1\0\0\0"
@@ -144,6 +147,8 @@ def _check_array(dataset: Any, file_size: int, max_compression: int) -> None:
     if stored.get_layout() == h5py.h5d.VIRTUAL or stored.get_external_count():
         raise ValueError(f"{_name(dataset)} is stored in other files; allowed: data in the file itself")
     number, size = math.prod(dataset.shape), dataset.get_type().get_size()
+    if dataset.get_type().detect_class(h5py.h5t.VLEN) or dataset.get_type().detect_class(h5py.h5t.STRING):
+        size *= _REFERENCE // _POINTER  # at most: elements of variable length take more in a file than in memory
     chunk = math.prod(stored.get_chunk()) if stored.get_layout() == h5py.h5d.CHUNKED else 0
     number = max(number, chunk)  # chunks are read as a whole
     if number * max(size, _DOUBLE) > ALWAYS_ALLOWED:
@@ -163,7 +168,11 @@ def _check_chunks(dataset: Any, filters: list[int], size: int) -> None:
     if not compressions and len(set(filters)) == len(filters):
         return
     if len(set(filters)) < len(filters) or len(compressions) > 1 or not compressions.keys() <= _LARGEST_RATIOS.keys():
-        raise ValueError(f"{_name(dataset)} has the filters {filters} of HDF5; allowed: gzip (1) or lzf (32000), once")
+        names = ", ".join(_FILTER_NAMES.get(code, f"number {code}") for code in filters if code in compressions)
+        raise ValueError(
+            f"{_name(dataset)} is compressed twice, or by other filters of HDF5 than gzip and lzf ({names}); allowed: "
+            "these, once, as `h5repack -f GZIP=4` writes them"
+        )
     ((compression, place),) = compressions.items()
     largest = ALWAYS_ALLOWED // _LARGEST_RATIOS[compression]
     if dataset.get_storage_size() <= largest:

@@ -147,8 +147,9 @@ class Quantity:
             raise ValueError(f"must be {self.range}; expected {self.expected}")
         smallest = MIN_MAGNITUDE if self.bounds.get("gt") == 0 else 0.0
         if not smallest <= abs(number) <= MAX_MAGNITUDE and math.isfinite(number):
-            allowed = f"{smallest:g} <= magnitude <= {MAX_MAGNITUDE:g} in {self.units[0] or 1}"
-            raise ValueError(f"is beyond anything physical; allowed: {allowed}")
+            size = "small" if abs(number) < smallest else "large"
+            allowed = f"magnitudes from {smallest:g} to {MAX_MAGNITUDE:g} {self.units[0]}".rstrip()
+            raise ValueError(f"is too {size} to compute with; allowed: {allowed}")
         return number
 
     @property

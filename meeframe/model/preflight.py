@@ -126,12 +126,15 @@ def other_period(kinematics: IndenterKinematics) -> Iterator[str]:
     if surface is None:
         return
     nodes = np.ptp(extreme_points(system.points)[:, :2], axis=0)
+    beyond = (np.array([axis[0] + 1.5 * np.ptp(axis)]) for axis in (surface.x, surface.y))
+    repeats = surface.is_periodic and bool(np.isfinite(case.indenter.height(*beyond)).all())
     for name, extent, count, axis in zip("xy", nodes, shape, (surface.x, surface.y), strict=True):
         period, length = float(extent * count / (count - 1)), float(np.ptp(axis))
         size = length * len(axis) / (len(axis) - 1)
         # the last points of a measured period may repeat the first ones
         smallest = size if surface.is_periodic else length
-        if not (1.0 - _PERIOD_TOLERANCE) * smallest <= period <= (1.0 + _PERIOD_TOLERANCE) * size:
+        number = max(round(period / size), 1) if repeats else 1
+        if not (1.0 - _PERIOD_TOLERANCE) * number * smallest <= period <= (1.0 + _PERIOD_TOLERANCE) * number * size:
             what = "period of the surface" if surface.is_periodic else "size of the height map"
             yield (
                 f"the {what} along {name} is {size:.6g} m, but the period of the contact zone {case.zone!r} is "

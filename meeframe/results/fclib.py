@@ -164,7 +164,9 @@ def natural_residual(problem: LocalProblem, reaction: Array) -> float:
         |r - P(r - rho (u + mu |u_T| N))| / |r| with P the projection onto the friction cones, u = W r + q and rho the
         inverse of the mean of W's diagonal; relative to |rho q| if r is zero. It is zero for a solution.
 
-    Notes ----- FCLIB's merit function is the same with rho = 1, which suits SI units badly: forces exceed gaps by many
+    Notes
+    -----
+    FCLIB's merit function is the same with rho = 1, which suits SI units badly: forces exceed gaps by many
     decades there.
     """
     rho = 1.0 / float(np.diag(problem.matrix).mean())

@@ -116,7 +116,9 @@ class ApproximateInverse(ABC):
         Prolongation or None
             The prolongation. None if there is none better than that by zeros.
 
-        Notes ----- Among all displacements that agree at the nodes, that of a load on these nodes alone has the least
+        Notes
+        -----
+        Among all displacements that agree at the nodes, that of a load on these nodes alone has the least
         energy. The closer a prolongation is to it, the better the approximate inverse, between prolongation and
         restriction, approximates the inverse of the compliance restricted to the nodes.
         """

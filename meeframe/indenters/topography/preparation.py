@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from numbers import Integral, Real
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 import scipy  # submodules are loaded on first use
@@ -186,9 +186,9 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
     -------
     HeightMap
         The map: by its Fourier series if it is periodic, where waves shorter than two spacings are removed, and by
-        bicubic splines from border to border if not. Along axes with fewer points than before, the spline is then
-        averaged, about its mean plane, over the cell of each new point, which ends halfway to the next one and with the
-        map. The averages damp waves shorter than two new spacings, which would appear as longer ones.
+        cubic splines from border to border along axes with more points if not. Along axes with fewer points it is
+        averaged over the cell of each new point, which ends halfway to the next one; heights at the border stay. The
+        averages damp waves shorter than two new spacings, which would appear as longer ones.
 
     Raises
     ------
@@ -209,26 +209,32 @@ def resample(surface: HeightMap, shape: tuple[int, int]) -> HeightMap:
         )
     if min(surface.shape) < 4:
         raise CaseError(f"resample: {surface.shape} points; allowed: at least 4 along each side of a spline")
-    old = surface.x, surface.y
-    x, y = (np.linspace(axis[0], axis[-1], count) for axis, count in zip(old, shape, strict=True))
-    # averages over the narrower cells at the border would change a tilted map
-    heights = detrend(surface).heights
-    ends = [0, -1]
-    corners = (surface.heights - heights)[np.ix_(ends, ends)]
-    plane = scipy.interpolate.RectBivariateSpline(surface.x[ends], surface.y[ends], corners, kx=1, ky=1)
-    for axis, new in enumerate((x, y)):
-        heights = _resample_between_borders(heights, old[axis], new, axis)
-    return HeightMap(x, y, heights + plane(x, y))
+    heights = surface.heights
+    for axis, count in enumerate(shape):
+        if count < heights.shape[axis]:
+            means = _cell_means(heights.shape[axis], count)
+            heights = means @ heights if axis == 0 else (means @ heights.T).T
+    x, y = (np.linspace(axis[0], axis[-1], count) for axis, count in zip((surface.x, surface.y), shape, strict=True))
+    for axis, (old, new) in enumerate(((surface.x, x), (surface.y, y))):
+        if len(new) > len(old):
+            heights = scipy.interpolate.make_interp_spline(old, heights, axis=axis)(new)
+    return HeightMap(x, y, np.ascontiguousarray(heights))
 
 
-def _resample_between_borders(heights: Array, old: Array, new: Array, axis: int) -> Array:
-    """Return the cubic spline through heights at `old` coordinates of an axis at the `new` ones, averaged if fewer."""
-    spline = scipy.interpolate.make_interp_spline(old, heights, axis=axis)
-    if len(new) >= len(old):
-        return np.asarray(spline(new))
-    borders = np.concatenate([new[:1], (new[1:] + new[:-1]) / 2.0, new[-1:]])
-    integrals = np.moveaxis(spline.antiderivative()(borders), axis, -1)
-    return np.asarray(np.moveaxis(np.diff(integrals) / np.diff(borders), -1, axis))
+def _cell_means(old: int, new: int) -> Any:
+    """Return the sparse matrix (new, old) of means over the cells of fewer points between the same ends.
+
+    Cells end halfway to the next points, heights are linear between the old ones. The ends stay as they are.
+    """
+    width = (old - 1) / (new - 1)
+    edges = width * (np.arange(1, new) - 0.5)
+    cuts = np.union1d(edges, np.arange(np.ceil(edges[0]), edges[-1]))
+    middles, lengths = (cuts[1:] + cuts[:-1]) / 2.0, np.diff(cuts) / width
+    cells, left = np.searchsorted(edges, middles), np.floor(middles).astype(int)
+    share = middles - left
+    values = np.concatenate([[1.0, 1.0], lengths * (1.0 - share), lengths * share])
+    rows, columns = np.concatenate([[0, new - 1], cells, cells]), np.concatenate([[0, old - 1], left, left + 1])
+    return scipy.sparse.csr_array((values, (rows, columns)), (new, old))
 
 
 def _resample_waves(heights: Array, count: int, axis: int) -> Array:

@@ -154,12 +154,13 @@ class NormalModes:
     def balance(self, pressure: Array, resultants: Array) -> Array:
         """Return the pressures (f,) within their bounds with resultants (k,) that are nearest to pressures (f,).
 
-        Newton's method minimises a convex, piecewise quadratic function of the amounts of the modes; steps are halved
-        until they hardly overshoot its minimum. Resultants that the nodes cannot bear are missed.
+        Newton's method minimises a convex function by steps that hardly overshoot. Unbearable resultants are missed.
         """
-        clipped = np.clip(pressure, 0.0, self.bound)
-        shifted, side = pressure, np.sign(pressure - clipped)
-        excess, total_gram = self.measure @ clipped - resultants, self.measure @ self.mode.T
+        total_gram, shifted, clipped = self.measure @ self.mode.T, pressure, np.clip(pressure, 0.0, self.bound)
+        if (clipped != pressure).all():  # begin with pressures some of which are within their bounds
+            shifted = pressure - _solve(total_gram, self.measure @ pressure - resultants) @ self.mode
+            clipped = np.clip(shifted, 0.0, self.bound)
+        side, excess = np.sign(shifted - clipped), self.measure @ clipped - resultants
         for _ in range(MAX_ROUNDS):
             if (np.abs(excess) <= RESULTANT_ROUND_OFF * (np.abs(self.measure) @ clipped + np.abs(resultants))).all():
                 break

@@ -120,12 +120,11 @@ class ContactResidual:
         couplings = blocks[distinct, 2, POTENTIALS] / self_compliance[distinct]
         normal_coupling = np.broadcast_to(couplings, self_compliance.shape)
         units = motion_scales(full_problem, scales)
-        frictional = has_friction(problem.contact_law)
         conducts = [channel.is_conducting for channel in problem.channels]
         heated = thermal_channel(problem)
         if heated is not None:
             conducts[heated] = True
-        loaded = np.flatnonzero([frictional, frictional, True, *conducts]).tolist()
+        loaded = np.flatnonzero([*(has_friction(problem.contact_law),) * 2, True, *conducts]).tolist()
         system = problem.system
         approximate = system.capability(ApproximateInverse) if system.dense() is None else None
         series, inverse = closed_resistances(problem, scales.pressure), None

@@ -374,6 +374,7 @@ def test_period_of_a_surface_other_than_that_of_the_zone(factor):
     other = f"but the period of the contact zone 'contact' is {factor / 1e3:g} m"
     assert f"the period of the surface along x is 0.001 m, {other}" in along_x
     assert f"the period of the surface along y is 0.001 m, {other}" in along_y
+    assert periodic_case(surface, 2.0 * width).warnings == (), "the zone holds the period twice"
     # along other axes the periods do not compare
     assert periodic_case(surface, factor * width, rotation=0.3).warnings == ()
 

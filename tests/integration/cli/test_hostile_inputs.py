@@ -61,15 +61,19 @@ def check(tmp_path):
         (
             '"100 mm"',
             "1e200",
-            "indenter.radius = 1e+200: is beyond anything physical; allowed: 1e-60 <= magnitude <= 1e+60 in m",
+            "indenter.radius = 1e+200: is too large to compute with; allowed: magnitudes from 1e-60 to 1e+60 m",
         ),
         (
             '"100 mm"',
             "1e-200",
-            "indenter.radius = 1e-200: is beyond anything physical; allowed: 1e-60 <= magnitude <= 1e+60 in m",
+            "indenter.radius = 1e-200: is too small to compute with; allowed: magnitudes from 1e-60 to 1e+60 m",
         ),
-        ('"100 mm"', '"1e300 km"', "indenter.radius = '1e300 km': is beyond anything physical; allowed: "),
-        ('"5 mm"', "1e-310", "mesh.contact_width = 1e-310: is beyond anything physical; allowed: 1e-60 <= magnitude"),
+        ('"100 mm"', '"1e300 km"', "indenter.radius = '1e300 km': is too large to compute with; allowed: "),
+        (
+            '"5 mm"',
+            "1e-310",
+            "mesh.contact_width = 1e-310: is too small to compute with; allowed: magnitudes from 1e-60",
+        ),
     ],
 )
 def test_magnitudes_beyond_anything_physical(tmp_path, check, old, new, message):

@@ -79,3 +79,19 @@ def test_prescribed_approach(system, approach: float, seed: int) -> None:
     solution = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-10, max_iterations=500))
     assert solution.status is Status.CONVERGED, solution.message
     check_solution(-solution.state.load[:, 2], gap, np.array([approach]), np.ones((1, len(gap))))
+
+
+@SEEDS
+@CAPABLE
+@pytest.mark.parametrize("share", [0.92, 0.95, 0.99, 0.999])
+def test_force_from_a_start_without_pressure(system, share: float, seed: int) -> None:
+    """No node is within its bounds at first: a step may not end with all nodes at the largest pressure."""
+    n, gap = len(SYSTEM.points), rough_gap(seed)
+    total = share * BOUND * SYSTEM.weights.sum()
+    free = (prescribe_resultant(SYSTEM, np.outer(np.ones(n), [0.0, 0.0, -1.0, 0.0, 0.0]), total),)
+    problem = replace(indentation_problem(SYSTEM, gap, 0.0, Capped()), system=system, prescribed_resultants=free)
+    solution = solve(problem, ProjectedCG(), StoppingCriteria(tolerance=1e-10, max_iterations=500))
+    assert solution.status is Status.CONVERGED, solution.message
+    pressure = -solution.state.load[:, 2]
+    check_solution(pressure, gap, solution.state.motion, np.ones((1, n)))
+    assert SYSTEM.weights @ pressure == pytest.approx(total, rel=1e-10)

@@ -149,6 +149,17 @@ def test_coarser_maps_between_borders_do_not_alias(axis):
     np.testing.assert_allclose(waves[inside], factor * np.sin(4 * np.pi * coarse)[inside], atol=1e-3)
 
 
+@pytest.mark.parametrize("shape", [(65, 65), (33, 257)])
+def test_averages_of_a_curved_map_are_as_accurate_at_its_border(shape):
+    """A parabola rises over a cell by a twelfth of the square of half its width times the curvature, on average."""
+    axis = np.linspace(-1.0, 1.0, 257)
+    fine = HeightMap(axis, axis, -(axis[:, None] ** 2) - axis**2)
+    coarse = topography.resample(fine, shape)
+    error = coarse.heights + coarse.x[:, None] ** 2 + coarse.y**2
+    bound = sum((spacing**2 / 12.0 if spacing > 2.0 / 256 else 0.0) + 2.0 / 256**2 for spacing in coarse.spacing)
+    assert np.abs(error).max() <= bound
+
+
 def test_resampling_between_borders_is_exact_for_cubics():
     exact = surface(lambda x, y: (x / 1e-3) ** 3 - (x / 1e-3) * (y / 1e-3) ** 2)
     resampled = topography.resample(exact, (50, 41))
