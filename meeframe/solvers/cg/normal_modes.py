@@ -157,7 +157,7 @@ class NormalModes:
         Newton's method minimises a convex function by steps that hardly overshoot. Unbearable resultants are missed.
         """
         total_gram, shifted, clipped = self.measure @ self.mode.T, pressure, np.clip(pressure, 0.0, self.bound)
-        if (clipped != pressure).all():  # begin with pressures some of which are within their bounds
+        if (clipped != pressure).all() and (self.measure @ clipped != resultants).any():  # begin within the bounds
             shifted = pressure - _solve(total_gram, self.measure @ pressure - resultants) @ self.mode
             clipped = np.clip(shifted, 0.0, self.bound)
         side, excess = np.sign(shifted - clipped), self.measure @ clipped - resultants
