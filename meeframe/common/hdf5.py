@@ -24,7 +24,10 @@ _CHECK_SUM: Final = 4
 """Size [bytes] of a check sum."""
 _POINTER, _REFERENCE = 8, 16
 """Sizes [bytes] of an element of variable length in memory, and in a file."""
-_FILTER_NAMES: Final = {1: "gzip", 4: "szip", 5: "nbit", 6: "scale-offset", 32000: "lzf"}
+_FILTER_NAMES: Final = {
+    1: "gzip", 2: "shuffle", 3: "fletcher32", 4: "szip", 5: "nbit", 6: "scale-offset", 32000: "lzf"
+}  # fmt: skip
+"""Names of the filters of HDF5, for messages."""
 _DOUBLE: Final = 8
 """Size [bytes] of the numbers that arrays become."""
 _HEAP: Final = b"GCOL\1\0\0\0"
@@ -165,14 +168,14 @@ def _check_array(dataset: Any, file_size: int, max_compression: int) -> None:
 def _check_chunks(dataset: Any, filters: list[int], size: int) -> None:
     """Check that chunks expand to their size [bytes] at most: HDF5 expands them to their end. Raises ValueError."""
     compressions = {code: place for place, code in enumerate(filters) if code not in _NO_COMPRESSION}
-    if not compressions and len(set(filters)) == len(filters):
-        return
     if len(set(filters)) < len(filters) or len(compressions) > 1 or not compressions.keys() <= _LARGEST_RATIOS.keys():
-        names = ", ".join(_FILTER_NAMES.get(code, f"number {code}") for code in filters if code in compressions)
+        names = ", ".join(_FILTER_NAMES.get(code, f"number {code}") for code in filters)
         raise ValueError(
             f"{_name(dataset)} is compressed twice, or by other filters of HDF5 than gzip and lzf ({names}); allowed: "
             "these, once, as `h5repack -f GZIP=4` writes them"
         )
+    if not compressions:
+        return
     ((compression, place),) = compressions.items()
     largest = ALWAYS_ALLOWED // _LARGEST_RATIOS[compression]
     if dataset.get_storage_size() <= largest:

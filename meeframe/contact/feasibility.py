@@ -23,7 +23,7 @@ from meeframe.contact.problem import ContactProblem, ContactState, contact_gap, 
 from meeframe.contact.residual import law_violation
 from meeframe.contact.scales import Scales, largest
 from meeframe.fields import MECHANICAL, N_MECHANICAL, NORMAL, Array
-from meeframe.laws.base import ContactLaw, contact_traction, is_adhesive, is_pure_projection
+from meeframe.laws.base import ContactLaw, contact_traction, has_friction, is_adhesive, is_pure_projection
 
 TOLERANCE: Final = 1e-6
 MAX_GENERATORS: Final = 200
@@ -138,7 +138,7 @@ def frictionless_bound(law: ContactLaw, n: int) -> float | None:
     float or None
         Pressure [Pa], inf without a bound; None also if it is not the same at all nodes.
     """
-    is_projection = is_pure_projection(law) and not law.tangential_scaling().any()
+    is_projection = is_pure_projection(law) and not has_friction(law)
     return on_sample(law, n, partial(_bound_of_trials, law)) if is_projection else None
 
 

@@ -12,7 +12,15 @@ from meeframe.contact.nested import has_nodal_data, is_uniform
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, indenter_field, indenter_position, unbalance
 from meeframe.contact.scales import Scales, largest, largest_potentials, problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, NORMAL, POTENTIALS, Array
-from meeframe.laws.base import ContactLaw, augmented_traction, contact_traction, fixed_point_map, has_resolvent, resolve
+from meeframe.laws.base import (
+    ContactLaw,
+    augmented_traction,
+    contact_traction,
+    fixed_point_map,
+    has_friction,
+    has_resolvent,
+    resolve,
+)
 from meeframe.system.capabilities import apply_load
 
 NEGLIGIBLE_PRESSURE: Final = 1e-12
@@ -26,7 +34,7 @@ BLOCK_SIZE: Final = 2**14
 def essential_fields(problem: ContactProblem) -> tuple[int, ...]:
     """Return the fields of the displacement on which the laws depend, by column."""
     law = problem.contact_law
-    is_frictionless = not law.tangential_scaling().any() and not has_resolvent(law)
+    is_frictionless = not has_friction(law) and not has_resolvent(law)
     needed = (not is_frictionless, not is_frictionless, True, *(channel.is_conducting for channel in problem.channels))
     return tuple(np.flatnonzero(needed).tolist())
 
