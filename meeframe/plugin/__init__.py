@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from meeframe.common.errors import MaterialError as MaterialError
     from meeframe.common.errors import MeshError as MeshError
     from meeframe.common.errors import TooLargeError as TooLargeError
+    from meeframe.common.files import MAX_EXPANDED_BYTES as MAX_EXPANDED_BYTES
     from meeframe.common.files import bounded_decompression as bounded_decompression
     from meeframe.common.files import check_file as check_file
     from meeframe.common.files import read_npy as read_npy
@@ -242,6 +243,7 @@ _HOMES = {
     "diagonal": "meeframe.system.capabilities",
     "rescale_inverse": "meeframe.system.capabilities",
     # Files
+    "MAX_EXPANDED_BYTES": "meeframe.common.files",
     "bounded_decompression": "meeframe.common.files",
     "check_file": "meeframe.common.files",
     "open_hdf5": "meeframe.common.hdf5",

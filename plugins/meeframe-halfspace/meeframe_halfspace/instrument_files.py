@@ -8,12 +8,10 @@ from typing import Any, Final
 import h5py
 import numpy as np
 
-from meeframe.plugin import CaseError, HeightMap, Quantity, bounded_decompression, open_hdf5
+from meeframe.plugin import MAX_EXPANDED_BYTES, CaseError, HeightMap, Quantity, bounded_decompression, open_hdf5
 
 _SAMPLE: Final = 2**16
 """Number of bytes at the beginning of a file that show whether it is text."""
-_MAX_EXPANDED: Final = 2**29
-"""Largest size [bytes] of the files in an archive."""
 _NO_SIZE: Final = 'no physical size in it: needs a key such as spacing = ["1 um", "1 um"]'
 _METRE: Final = Quantity("m", gt=0, lt=float("inf"))
 
@@ -89,8 +87,8 @@ def _check_archive(path: Path) -> None:
             size = sum(entry.file_size for entry in archive.infolist())
     except zipfile.BadZipFile as error:
         raise ValueError(f"is damaged: {error}") from None
-    if size > _MAX_EXPANDED:
-        raise ValueError(f"the files in it expand to {size} bytes; allowed: {_MAX_EXPANDED}")
+    if size > MAX_EXPANDED_BYTES:
+        raise ValueError(f"the files in it expand to {size} bytes; allowed: {MAX_EXPANDED_BYTES}")
 
 
 def _channel(reader: Any, name: str | None) -> Any:
