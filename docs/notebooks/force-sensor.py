@@ -181,7 +181,7 @@ def plate(thickness, formulation="dense-bem"):
         title=f"Plate of {thickness}",
         material="pzt-5h",
         mesh=meeframe.mesh.block(
-            "10 mm", thickness, "4 mm", divisions=14, rings=4, layers=3
+            "10 mm", thickness, "4 mm", divisions=12, rings=3, layers=3
         ),
         boundary=[
             meeframe.Boundary(

@@ -114,8 +114,8 @@ assert abs(flux) < 0.03
 
 # %%
 LEVELS = {
-    "electric": np.geomspace(1e-8, 1e-2, 9),
-    "magnetic": np.geomspace(3e-4, 3e2, 9),
+    "electric": [0.0, *np.geomspace(1e-8, 1e-2, 9).tolist(), np.inf],
+    "magnetic": [0.0, *np.geomspace(3e-4, 3e2, 9).tolist(), np.inf],
 }
 SECTIONS = ["pressure", "electric_potential", "magnetic_potential"]
 
@@ -126,9 +126,10 @@ def conductivity_sweep(field, values):
     return meeframe.sweep(case, axes, fields=SECTIONS, progress=False)
 
 
-swept = {
+runs = {
     field: conductivity_sweep(field, values) for field, values in LEVELS.items()
 }
+swept = {field: run.isel(kappa=slice(1, -1)) for field, run in runs.items()}
 
 figure, panels = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
 for panel, field, condition, total, letter, unit in (
@@ -186,12 +187,8 @@ centre = {
     "electric_potential": exact["EMII"].electric_potential(np.array([0.0]))[0],
     "magnetic_potential": exact["EMII"].magnetic_potential(np.array([0.0]))[0],
 }
-VALUES = {
-    "electric": [0.0, 2e-6, 2e-5, 2e-4, np.inf],
-    "magnetic": [0.0, 0.05, 0.5, 5.0, np.inf],
-}
 sections = {
-    field: conductivity_sweep(field, values) for field, values in VALUES.items()
+    field: run.isel(kappa=[0, 4, 5, 6, -1]) for field, run in runs.items()
 }
 
 x = np.linspace(-2.5e-3, 2.5e-3, 300)
@@ -211,18 +208,14 @@ for column, (field, condition) in zip(
                 color="0.5",
                 lw=1,
             )
-        for marker, kappa in zip("os^vx", VALUES[field], strict=True):
-            section = (
-                sections[field][f"zone_{name}"]
-                .sel(kappa=kappa)
-                .sel(y=0, method="nearest")
-            )
+        values = sections[field][f"zone_{name}"].sel(y=0, method="nearest")
+        for marker, section in zip("os^vx", values, strict=True):
             panel.plot(
                 1e3 * section.x,
                 section / centre[name],
                 marker,
                 ms=4,
-                label=f"κ = {kappa:g}",
+                label=f"κ = {float(section.kappa):.1g}",
             )
         panel.set_ylabel(f"{name.replace('_', ' ')} [1]")
     column[0].legend(fontsize="small")

@@ -319,6 +319,7 @@ main()
 """Program of a command that prints its largest memory [MB] at the end."""
 
 
+@pytest.mark.full
 def test_height_maps_that_expand_beyond_their_size(tmp_path):
     """HDF5 alone would expand 0.5 MB to 512 MiB for an array of 2 kB."""
     stream = zlib.compressobj(9)

@@ -104,6 +104,7 @@ def test_show_reports_damaged_datasets(study, tmp_path, change):
     ] in done.output.replace("\n", " ")
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("options", "count"), [([], 0), (["--contact-conductance", "30 GS/m^2"], 1), (["--contact-conductance", "inf"], 1)]
 )
@@ -269,6 +270,7 @@ def test_ended_processes_leave_finished_pressures(study, tmp_path, end, status, 
     assert not (out / ".lock").exists()
 
 
+@pytest.mark.full
 def test_quick_pressures_are_written_once(study, tmp_path, monkeypatch):
     """Finished pressures are written every two seconds, not after each of those that take less."""
     files, seconds = importlib.import_module("meeframe.study.rough.study"), iter([0.0, 1.0, 2.5, 2.6, 4.0, 5.0])

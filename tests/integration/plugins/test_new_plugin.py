@@ -69,8 +69,9 @@ def test_new_module_works_as_local_file(packages, kind):
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "solver"])
 def test_new_module_conforms(packages, kind):
+    """The solver, whose check takes longest, is checked by the tests of its package."""
     status, out, _ = invoke("plugins", "check", packages / kind / f"meeframe_new_{kind.replace('-', '_')}.py")
     assert status == 0, out
     assert out.endswith(": conforms\n")

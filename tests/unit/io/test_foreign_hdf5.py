@@ -204,6 +204,7 @@ DEFLATE, SHUFFLE, FLETCHER32 = (h5py.h5z.FILTER_DEFLATE, (4,)), (h5py.h5z.FILTER
 LZF, SCALE_OFFSET = (h5py.h5z.FILTER_LZF, ()), (h5py.h5z.FILTER_SCALEOFFSET, (0,) * 20)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("filters", [(DEFLATE,), (SHUFFLE, DEFLATE, FLETCHER32)])
 def test_chunks_that_expand_beyond_their_size_are_not_expanded(tmp_path, filters):
     """HDF5 would take as much memory as the stream expands to, 512 MiB here."""
