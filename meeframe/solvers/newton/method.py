@@ -29,8 +29,8 @@ MERIT_WINDOW: Final = 2
 MAX_MERIT_RATIO: Final = 0.99
 """Largest merit after a step, relative to that bound."""
 MAX_TOLERANCE: Final = 0.05
-MIN_TOLERANCE: Final = 1e-4
-"""Largest (MAX_TOLERANCE) and smallest (MIN_TOLERANCE) tolerance of the linear equations where there is no matrix."""
+MIN_TOLERANCE: Final = 3e-4
+"""Bounds of the tolerance of linear equations without a matrix; round-off of single precision may prevent 1e-4."""
 SUFFICIENT_FRACTION: Final = 0.3
 """Fraction of the required residual at which the iteration in a neighbourhood of the contact ends, and which linear
 equations may leave."""
