@@ -187,9 +187,7 @@ centre = {
     "electric_potential": exact["EMII"].electric_potential(np.array([0.0]))[0],
     "magnetic_potential": exact["EMII"].magnetic_potential(np.array([0.0]))[0],
 }
-sections = {
-    field: run.isel(kappa=[0, 4, 5, 6, -1]) for field, run in runs.items()
-}
+sections = {field: run.isel(kappa=[0, 4, 5, 6, -1]) for field, run in runs.items()}
 
 x = np.linspace(-2.5e-3, 2.5e-3, 300)
 figure, panels = plt.subplots(

@@ -373,7 +373,7 @@ def cleared(path: Array, duration: float | None) -> Array:
     return path
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("law", "message"),
     [

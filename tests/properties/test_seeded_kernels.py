@@ -83,7 +83,7 @@ def test_wrong_elements_are_detected(wrong: SurfaceElement, message: str) -> Non
         check_element(wrong)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("correct", ELEMENTS.values(), ids=str)
 def test_correct_element_passes(correct: SurfaceElement) -> None:
     check_element(element(correct))
@@ -166,6 +166,7 @@ OFFSET = r"by \d.* at offset \[.*\]"
 AXIS = r"for \[ *0\. +0\. +-?1\.\] it gives"
 
 
+@pytest.mark.full(except_for=5)
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

@@ -55,6 +55,7 @@ def test_full_sliding_across_unequal_coefficients(ratio: float) -> None:
         assert slip_violation(problem, normal, np.array(wrong)) > 0.02, wrong
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("mu", [(0.1, 0.6), (3.0, 0.05), (0.3, 0.3)])
 def test_slip_along_the_normal_of_the_limit(mu: tuple[float, float]) -> None:
     """Eq. (12) requires M^2 g / |M g|, which is neither parallel to the slip nor the radial return."""

@@ -50,6 +50,7 @@ def test_recorded_numbers():
     np.testing.assert_allclose(contact.centre, [-40e-9, -25.5189955, -0.0131128025], rtol=4e-9)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("xi", [0.3, 2.0])
 def test_punch_on_a_slightly_different_layer(xi):
     """First-order perturbation of the modulus of the substrate and of its Poisson's ratio (Gao, Chiu and Lee, 1992)."""

@@ -159,6 +159,7 @@ def test_full_stick_without_coupling_is_frictionless() -> None:
     assert cone.contact_radius(APPROACH) == pytest.approx(2 * APPROACH / (np.pi * np.tan(0.1)))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("share", [0.4, 0.8])
 def test_stick_zone_rotates_rigidly_in_torsion(share: float) -> None:
     exact = SphereTorsion(hertz(0.3), FRICTION)

@@ -41,6 +41,7 @@ def integration_rule(x: float, count: int = 60, step: float = 0.07) -> tuple[Arr
     return np.sqrt(A**2 - to_boundary).ravel(), distance.ravel(), weights.ravel()
 
 
+@pytest.mark.full(except_for=7)
 @pytest.mark.parametrize("x", [0.3, 0.6, 0.95])
 @pytest.mark.parametrize(
     ("material", "shape", "approach", "potentials"),

@@ -53,6 +53,7 @@ class Idle(Solver):
         return iterate
 
 
+@pytest.mark.full
 def test_unconverged_step_ends_the_path() -> None:
     with pytest.raises(MeeframeError, match="step 0 of the path: "):
         list(follow(SYSTEM, IsotropicCoulomb(0.2), path(0.0), Idle()))

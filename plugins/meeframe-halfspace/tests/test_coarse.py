@@ -48,6 +48,7 @@ def random_load(system: ReducedSystem) -> Array:
     return np.random.default_rng(3).normal(size=system.offset.shape) / np.sqrt(np.diag(compliance))
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("formulation", "divisions"), GRIDS)
 def test_coarse_system_converges_with_second_order(formulation: HalfSpace, divisions: tuple[int, int]) -> None:
     """A smooth load on every second node causes nearly the same displacement as its interpolation on the fine grid."""

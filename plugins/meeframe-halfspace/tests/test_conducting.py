@@ -58,7 +58,7 @@ def test_solvers_agree(kappa, potentials, material, has_biactive):
     assert forces[0] == pytest.approx(forces[1], rel=1e-6)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", [Nesterov(), BarzilaiBorwein()])
 @pytest.mark.parametrize("kappa", [3e-7, 1e-6])
 def test_convergence_with_large_contact_resistance(solver: Solver, kappa: float):

@@ -284,6 +284,7 @@ def test_example_case_loads():
     assert case.formulation == HalfSpace(periodic=True)
 
 
+@pytest.mark.full
 def test_no_warning_at_border_of_period():
     """The border of a period is no border of the zone, in full contact and where contact continues beyond it."""
     case = load_case(EXAMPLE)

@@ -137,6 +137,7 @@ def test_products_in_double_and_single_precision(formulation):
     assert 1e-9 < (np.abs(single - expected) / size).max() < 1e-5
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("precision", [np.float32, np.float64])
 def test_concurrent_threads_share_a_system(precision):
     """Each thread requests a different field at the same time, from a system without any computed entries."""

@@ -235,6 +235,7 @@ def test_electrode_makes_results_independent_of_the_reference_radius() -> None:
     assert levels == (2, 4)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("film", "substrate", "is_reported"), [(CERAMIC, WITHOUT_EXPANSION, True), (WITHOUT_EXPANSION, CERAMIC, False)]
 )

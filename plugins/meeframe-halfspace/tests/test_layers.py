@@ -390,6 +390,7 @@ def test_force_control_and_friction_histories():
     assert force == pytest.approx(force_of(without_friction), rel=0.05)
 
 
+@pytest.mark.full
 def test_resolved_edges():
     """The charge of a grounded sphere, singular at the contact edge on layers, is accurate on coarse grids."""
     film = LayerStack((Layer(library_material("batio3"), UM),))
@@ -438,7 +439,7 @@ def test_interior_fields_balance_the_load():
     assert_close(stresses[1][:, :3], stresses[0][:, :3], 1e-5)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     "layers",
     [TRICLINIC, LayerStack(TRICLINIC.layers, RigidBase(UM)), FILM, LayerStack(FILM.layers, RigidBase(UM))],

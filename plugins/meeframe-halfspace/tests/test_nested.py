@@ -114,7 +114,7 @@ def test_scales_with_asperities_between_coarse_nodes(moved: bool) -> None:
     assert residual(plain, solution.state) < 2e-8
 
 
-@pytest.mark.full(except_for=4)
+@pytest.mark.full(except_for=2)
 @SOLVERS
 @pytest.mark.parametrize(("n", "spacings"), [(64, 0.5), (64, 1.1), (128, 0.5), (128, 2.5)])
 def test_narrow_indenters(solver: Solver, n: int, spacings: float) -> None:
@@ -355,6 +355,7 @@ def test_two_bodies_resolve_edges_if_both_do() -> None:
     assert EdgeResolution not in capabilities_of(correct_edge(resolved, 0.1 * resolved.diagonal_blocks()))
 
 
+@pytest.mark.full
 def test_two_bodies_use_nested_grids() -> None:
     """Nested grids save products and do not change the solution."""
     both = combine_bodies(

@@ -291,6 +291,7 @@ class TestBalances:
         assert {Region.STICK, Region.SLIP} <= set(result.steps[-1].region)
         assert numbers["friction_work"] == pytest.approx(numbers["creep_work"], rel=1e-11)
 
+    @pytest.mark.full(except_for=1)
     @pytest.mark.parametrize(
         "law",
         [IsotropicCoulomb(0.3), RateAndPressure(mu_static=0.4, mu_kinetic=0.2, reference_speed=1e-3)],
@@ -409,6 +410,7 @@ SLIDES = {
 }
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("slides", SLIDES)
 def test_friction_follows_the_speed_of_the_slip(slides: str) -> None:
     """In full slip all particles slip at the rolling speed times the creepage, but for elastic strains of 1e-3."""

@@ -106,6 +106,7 @@ def test_cylinders_in_partial_slip():
     assert 2.0 * fine - coarse == pytest.approx(1.0, rel=0.01)
 
 
+@pytest.mark.full
 def test_wear_of_few_cycles_is_that_of_a_steady_state():
     """Spin and creepage with partial slip: the depth is the sum along each line of k p s, computed without wear.
 

@@ -31,6 +31,7 @@ magnetic = { name = "power-law", reference_conductivity = 1.0, reference_pressur
 """
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("text", [FLOATING, ADHESIVE], ids=["potential that floats", "open nodes under attraction"])
 def test_every_increment_converges_in_a_few_steps(text):
     result = Case.from_toml(text).solve()

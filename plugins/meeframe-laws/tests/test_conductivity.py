@@ -46,7 +46,7 @@ PRESSURE, GAP = 3e7, 5e-6
 """Under the sphere and beside it."""
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("law", LAWS, ids=str)
 def test_conformance(law) -> None:
     check_conductivity_law(law)
@@ -154,7 +154,7 @@ def laws_of(strength: float):
 NAMES = list(laws_of(1.0))
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("friction", "strength"), [(Signorini(), 1.0), (IsotropicCoulomb(0.4), 100.0)], ids=str)
 @pytest.mark.parametrize("name", NAMES)
 def test_solvers_agree(name, friction, strength) -> None:
@@ -184,7 +184,7 @@ def test_solvers_agree_with_strongly_limited_field(friction, strength) -> None:
     check_same(solve_problem(problem, BarzilaiBorwein()), newton)
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("name", NAMES)
 def test_prescribed_force_and_floating_conductor(name) -> None:
     """Prescribing the force and the charge of a solution recovers its approach and its potentials, from a distant

@@ -106,7 +106,7 @@ def test_superelliptic_is_homogeneous_and_orthotropic(law):
     check_orthotropic(law, (0.6, 0.2), 0.3)
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("name", LARGE)
 def test_two_solvers_agree(name):
     problem = sphere(LARGE[name])
@@ -118,6 +118,7 @@ def test_two_solvers_agree(name):
     check_same(gradient, newton)
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("name", LARGE)
 def test_prescribed_forces_recover_the_motion(name):
     problem = sphere(LARGE[name], 8)
@@ -152,6 +153,7 @@ SAME_AS = {
 }
 
 
+@pytest.mark.full(except_for=7)
 @pytest.mark.parametrize("limit", SAME_AS)
 def test_limits_equal_built_in_laws(limit):
     law, other = SAME_AS[limit]

@@ -105,6 +105,7 @@ def test_regularised_where_open_or_without_slip():
     np.testing.assert_allclose(law.resolve(trial, np.zeros((4, 3)), (1e12, 1e12)), expected, atol=1e-200)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(("translation", "order"), [(4e-6, 1.0), (1e-3, 2.0)], ids=["partial slip", "full slip"])
 def test_regularised_tends_to_coulomb(translation, order):
     """The difference is of first order in the slip length where nodes stick and of second order in full slip."""

@@ -76,7 +76,7 @@ def test_kit(law):
     check_isotropic(law)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("name", LARGE)
 def test_solvers_agree(name):
     problem = sphere(LARGE[name])
@@ -101,7 +101,7 @@ def test_solvers_agree_with_conduction(name):
         check_same(balanced_solution(problem, solver, start=near).state, solved)
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("name", LARGE)
 def test_prescribed_forces_recover_the_motion(name):
     given = sphere(LARGE[name], 8)

@@ -77,6 +77,7 @@ def test_interface_and_body_are_springs_in_series(exponent, solver):
     assert computed[2] == 0.0
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])
 def test_rigid_body_gives_an_elastic_foundation(exponent):
     """P = 2 pi R p_0 d_0^-m g^(m + 1) / (m + 1) under a paraboloid, up to the error of the sum over cells."""

@@ -105,6 +105,7 @@ def test_solvers_agree(solver):
     np.testing.assert_allclose(pressure(result), pressure(reference), atol=1e-7 * HARDNESS)
 
 
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("periodic", [True, False])
 @pytest.mark.parametrize("hardness", [HARDNESS, 0.02 * HARDNESS])
 def test_conjugate_gradients_agree_with_newton(hardness, periodic):

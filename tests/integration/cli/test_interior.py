@@ -222,6 +222,7 @@ def test_tractions_and_fluxes_are_continuous_across_the_interface(tmp_path):
     np.testing.assert_allclose(relative, expected, rtol=0.0, atol=2.5e-9)
 
 
+@pytest.mark.full
 def test_equal_bodies_are_mirror_images(tmp_path):
     """In bodies of the same piezoelectric material, the stress at +z in the second is the rotated stress at -z in
     the first."""

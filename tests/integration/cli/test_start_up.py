@@ -46,6 +46,7 @@ def test_help_loads_nothing_heavy(option):
     assert loaded_modules(option).isdisjoint(HEAVY)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("command", ["run", "sweep"])
 def test_help_of_a_command_loads_nothing_heavy(command):
     """Only pydantic is loaded, because typer uses it to read arguments."""

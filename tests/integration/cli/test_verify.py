@@ -163,6 +163,7 @@ def test_springs_match_closed_form(write_case, registry, tmp_path):
     assert area.limit.basis is Basis.FINEST
 
 
+@pytest.mark.full
 def test_prescribed_quantities_are_not_compared(write_case, registry, tmp_path):
     """A force is prescribed and the approach is compared."""
     force = f'normal_force = "{np.pi * 1e14 * 0.1 * 1e-5**2} N"'
@@ -306,6 +307,7 @@ def test_results_are_not_overwritten_without_option(half_space, tmp_path):
     assert "is not empty" in err
 
 
+@pytest.mark.full
 def test_units_in_output(write_case, registry, tmp_path):
     verification = verify_case(write_case(FINE), registry, tmp_path / "o")
     for estimate in verification.estimates:

@@ -57,6 +57,7 @@ def test_new_package_passes_its_tests(results, kind):
     assert any(name.startswith("test_conforms") for _, name in own)
 
 
+@pytest.mark.full(except_for=4)
 @pytest.mark.parametrize("kind", KINDS)
 def test_new_module_works_as_local_file(packages, kind):
     module = packages / kind / f"meeframe_new_{kind.replace('-', '_')}.py"

@@ -9,6 +9,7 @@ import pytest
 PAGE = (Path(__file__).parents[3] / "docs" / "tutorials" / "python.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.full
 def test_page_runs(tmp_path, monkeypatch):
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("agg")

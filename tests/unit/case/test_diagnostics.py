@@ -176,6 +176,7 @@ def test_contact_formed_in_one_increment(bed, frictional, steps, poisson, change
         assert f"{share} {ONE_INCREMENT}" in message or not share
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("increments", "law", "advised"),
     [(1, IsotropicCoulomb(0.3), "100%"), (2, IsotropicCoulomb(0.3), "100%"), (1, Signorini(), "")],

@@ -138,7 +138,7 @@ def cap() -> ReducedSystem:
     return cap_system()
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("angle", [0.7, -2.0])
 def test_rotated_frames_with_opposite_angle_on_curved_zone(cap, angle) -> None:
     expected = tractions(cap, socket_problem(cap, OrthotropicCoulomb(0.1, 0.5, 0.3)))
@@ -172,6 +172,7 @@ def flat_problem(system: ReducedSystem, law: ContactLaw, translation: tuple[floa
     return replace(problem, translation=drag[:, :2])
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("angle", [0.5, 2.0, -0.9])
 def test_direction_equals_angle_on_flat_zone(angle: float) -> None:
     system = half_space_system(XI, SIDE, CELLS)

@@ -72,7 +72,7 @@ def square(element: SurfaceElement, divisions: int, width: float = SIDE, bend: f
 # integrals
 
 
-@pytest.mark.full(except_for=7)
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("name", ELEMENTS)
 @pytest.mark.parametrize("other", ELEMENTS)
 def test_integrals_on_the_same_square(name: str, other: str) -> None:
@@ -228,7 +228,7 @@ def column(modulus: float, divisions: int, element: SurfaceElement) -> DenseSyst
     return system
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("first", "second"),
     [

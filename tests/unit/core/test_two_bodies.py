@@ -132,7 +132,7 @@ def test_fields_of_both_bodies(steel: DenseSystem) -> None:
 # potentials
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("condition", list(CONDITIONS))
 def test_mirror_images_have_no_jump_of_the_potentials(condition: str) -> None:
     """Bodies poled towards the interface exchange no flux, and P is half of that under an insulating rigid sphere."""
@@ -149,7 +149,7 @@ def test_mirror_images_have_no_jump_of_the_potentials(condition: str) -> None:
     assert (np.abs(state.load[:, 3:]).max(axis=0) <= 1e-9 * flows).all()
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("condition", list(CONDITIONS))
 @pytest.mark.parametrize(
     "second_body", [POLED_DOWN, Material.isotropic(100e9, 0.3, 2e-9, 1e-4)], ids=["down", "isotropic"]

@@ -123,6 +123,7 @@ def test_arrays_of_any_layout(transversely_isotropic, random):
     np.testing.assert_array_equal(strided[1], expected[1])
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("bad", [[0.0, 0.0, 0.0], [np.nan, 1.0, 0.0], [np.inf, np.inf, 1.0]])
 def test_invalid_points_affect_only_themselves(bad, transversely_isotropic, random):
     kernel = Tabulated().bind(transversely_isotropic)

@@ -99,6 +99,7 @@ def test_gradient_and_flux_are_exact_to_the_tolerance(constants, kernel, random)
     np.testing.assert_allclose(last - first, change, atol=1e-8 * np.abs(first).max())
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("expansion", [1.2e-5, 0.0])
 def test_isotropic_source_is_that_of_nowacki(random, expansion):
     """W = alpha (1 + nu) / (1 - nu) x / (8 pi k r), potential p_3 x_3 / (8 pi k epsilon r), in SI units.

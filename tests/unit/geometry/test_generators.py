@@ -111,6 +111,7 @@ def test_all_nodes_of_a_sphere_lie_on_it(element: SurfaceElement) -> None:
     assert euler_characteristic(mesh) == 2
 
 
+@pytest.mark.full(except_for=2)
 @EVERY
 def test_area_and_volume_of_a_sphere_converge(element: SurfaceElement) -> None:
     # surfaces through points on the sphere: order p + 1, even orders (symmetric elements) for quadratics: 4

@@ -73,6 +73,7 @@ def test_integrals_of_smooth_densities_converge(element: SurfaceElement) -> None
     assert np.log2(errors[0] / errors[1]) > (2 if element.order == 1 else 4) - 0.2
 
 
+@pytest.mark.full(except_for=2)
 @EVERY
 def test_normals_of_a_sphere_converge(element: SurfaceElement) -> None:
     errors = []

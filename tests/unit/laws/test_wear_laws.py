@@ -137,7 +137,7 @@ BASES = [
 ]
 
 
-@pytest.mark.full(except_for=7)
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("law", [Archard(1e-11), Threshold(1.0), Threshold(3.0), Fast()], ids=str)
 @pytest.mark.parametrize("base", BASES, ids=str)
 def test_tangents_are_those_of_the_base_by_the_chain_rule(base: ContactLaw, law: WearLaw) -> None:

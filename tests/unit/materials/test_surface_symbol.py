@@ -70,6 +70,7 @@ def test_isotropic_layer(nu, substrate):
     assert np.abs(computed[:, [0, 1, 2], [1, 2, 1]]).max() < 1e-12 * scale.max()
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("electrode", [False, True])
 @pytest.mark.parametrize(("kh", "nodes"), [(0.15, 10), (0.3, 14), (2.0, 24)])
 def test_triclinic_stack_against_collocation(electrode, kh, nodes):

@@ -147,6 +147,7 @@ def test_nearly_degenerate_materials(change: float) -> None:
     assert_close(response(change)[..., :3], exact[..., :3], 3.0 * change + 1e-12)
 
 
+@pytest.mark.full
 def test_exponential_grading() -> None:
     """With all constants as exp(a z), t and h are so as well, and the matrix of the depth is constant but for a."""
     thickness, ratio, tolerance, angle = 1e-6, 4.5, 1e-3, 0.9

@@ -52,7 +52,7 @@ def test_area_fractions_of_nodes(synthetic):
     assert (more.stick_area, more.slip_area, more.contact_area) == pytest.approx((0.6e-6, 4.8e-6, 5.4e-6))
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @EVERY
 def test_full_partial_and_no_contact(name, synthetic):
     zone, step = flat_zone(name), synthetic.step(1e-6)

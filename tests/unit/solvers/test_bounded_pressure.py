@@ -47,6 +47,7 @@ def check_solution(pressure: Array, gap: Array, motion: Array, modes: Array) -> 
     assert opening[yielded].max() <= 1e-9 * scale
 
 
+@pytest.mark.full(except_for=16)
 @SEEDS
 @CAPABLE
 @pytest.mark.parametrize("share", [0.05, 0.5, 0.9, 0.99])
@@ -81,6 +82,7 @@ def test_prescribed_approach(system, approach: float, seed: int) -> None:
     check_solution(-solution.state.load[:, 2], gap, np.array([approach]), np.ones((1, len(gap))))
 
 
+@pytest.mark.full(except_for=16)
 @SEEDS
 @CAPABLE
 @pytest.mark.parametrize("share", [0.92, 0.95, 0.99, 0.999])

@@ -70,7 +70,7 @@ def test_totals_are_measured_by_the_fluxes_of_a_poor_conductor(kappa) -> None:
         assert 0.1 * conducted < unit < 10.0 * conducted
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", [BarzilaiBorwein(), SemismoothNewton()], ids=str)
 @pytest.mark.parametrize("potential", [2e4, -1.5e4, None])
 def test_floating_conductor_matches_closed_form(solver, potential) -> None:
@@ -181,7 +181,7 @@ def test_matrix_free_systems(solver) -> None:
     )
 
 
-@pytest.mark.full(except_for=2)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", ALL, ids=str)
 @pytest.mark.parametrize("potentials", [False, True], ids=["all", "potentials"])
 def test_solutions_do_not_depend_on_units(solver, potentials) -> None:

@@ -168,6 +168,7 @@ class Watched(Solver):
         return self.solver.step(problem, iterate)
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize(
     ("solver", "law"),
     [(SemismoothNewton(), IsotropicCoulomb(0.3)), (Auto(), IsotropicCoulomb(0.3)), (ProjectedCG(), Signorini())],

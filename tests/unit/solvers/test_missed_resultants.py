@@ -68,7 +68,7 @@ def test_force_above_friction_limit_is_detected_early(solver, share):
     np.testing.assert_allclose(borne, [MU * force, 0.0], rtol=1e-2, atol=1e-2 * MU * force)
 
 
-@pytest.mark.full(except_for=7)
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("solver", SOLVERS, ids=str)
 @pytest.mark.parametrize("share", [0.9, 0.98, 0.999])
 def test_force_just_below_friction_limit_converges(solver, share):

@@ -84,7 +84,7 @@ def assert_same(state: ContactState, expected: ContactState):
     assert (np.abs(state.load - expected.load).max(axis=0) <= 1e-8 * size).all()
 
 
-@pytest.mark.full(except_for=6)
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("law", LAWS, ids=str)
 @pytest.mark.parametrize("material", ["transverse", "orthotropic"])
 @pytest.mark.parametrize("lift", [0.0, 7e-5])
@@ -108,6 +108,7 @@ def test_resultants_recover_the_motions(sphere, material, law, lift) -> None:
             assert motion == pytest.approx(goal, abs=1e-7 * scale), key
 
 
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("solver", SOLVERS, ids=name)
 @pytest.mark.parametrize("kappa", [(1.0, 0.3), (np.inf, 0.5), (np.inf, np.inf)])
 def test_floating_conductors_under_a_force(sphere, solver, kappa) -> None:
@@ -148,7 +149,7 @@ def test_floating_potential_is_unchanged_without_conduction(sphere) -> None:
         assert "does not conduct" in failed.message
 
 
-@pytest.mark.full(except_for=5)
+@pytest.mark.full(except_for=2)
 @pytest.mark.parametrize("share", [0.5, 0.99, 0.9999])
 @pytest.mark.parametrize("law", [IsotropicCoulomb(0.6), IsotropicCoulomb(5.0)], ids=str)
 def test_force_up_to_the_friction_limit(sphere, law, share) -> None:

@@ -32,6 +32,7 @@ def count_products(problem: ContactProblem, solver: Solver, tolerance: float) ->
     return products
 
 
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", [SemismoothNewton(), Auto()], ids=["newton", "auto"])
 def test_less_accuracy_costs_less(solver: Solver, conducting) -> None:
     problem = conducting(48, 0.3, IsotropicCoulomb(0.3), Insulating(), dragged=DRAGGED)

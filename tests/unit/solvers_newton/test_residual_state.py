@@ -82,7 +82,7 @@ def test_step_restores_nodes_at_a_bound(law: ContactLaw, end: float, sphere) -> 
     assert left <= (before**2 if law.tangential_scaling().any() else 1e-9 * before)
 
 
-@pytest.mark.full(except_for=6)
+@pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("end", [1.0, 0.0], ids=["closed", "open"])
 @pytest.mark.parametrize(
     "law",

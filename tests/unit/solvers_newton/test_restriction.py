@@ -169,6 +169,7 @@ def test_asperity_outside_the_restriction_is_found(law: ContactLaw, monkeypatch:
     assert law_residual(problem, restricted.state, problem_scales(problem)) <= LIMITS.tolerance
 
 
+@pytest.mark.full
 def test_failed_step_leads_to_the_whole_zone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Gradient steps are made on the whole problem only."""
     problem = sphere(half_space(), (0.05, -0.1))

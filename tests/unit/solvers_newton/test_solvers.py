@@ -174,7 +174,7 @@ def test_matrix_free_systems(sphere, matrixless, solver) -> None:
     np.testing.assert_allclose(got, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
 
 
-@pytest.mark.full(except_for=3)
+@pytest.mark.full(except_for=1)
 @pytest.mark.parametrize("solver", ALL, ids=name)
 def test_start_from_converged_state(sphere, solver) -> None:
     law, kappa = CG if solver == ProjectedCG() else (IsotropicCoulomb(0.6), (0.3, 0.0))
@@ -230,6 +230,7 @@ def test_conjugate_gradients_with_asymmetric_compliance(sphere) -> None:
     assert_agree(replace(problem, system=system), [ProjectedCG()])
 
 
+@pytest.mark.full
 def test_auto_escapes_a_nearly_converged_state() -> None:
     """Newton's method keeps returning to a node that is nearly closed (residual 3e-5), and Uzawa's method stays
     there."""

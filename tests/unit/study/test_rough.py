@@ -502,7 +502,7 @@ def test_slope_of_theories_is_that_of_the_map():
     assert study(surface=whole).slope == study(surface=whole).statistics.rms_slope_spectrum
 
 
-@pytest.mark.full(except_for=1)
+@pytest.mark.full
 @pytest.mark.parametrize("shape", [(2, 64), (64, 2), (2, 2)])
 def test_narrow_maps(shape, tmp_path):
     """A map without inner points has no curvature by differences; JSON has null in its place."""
