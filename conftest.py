@@ -15,7 +15,6 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # or each process that tests st
 if "PYTEST_XDIST_WORKER" in os.environ:  # before numpy is loaded: the workers share the processors already
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("MKL_NUM_THREADS", "1")
-    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 import numpy as np
 import pytest
