@@ -110,7 +110,7 @@ assert abs(flux) < 0.03
 # ## Figure 3: from insulating to conducting
 #
 # The flux through the contact is $q = \kappa\,(\varphi - \varphi_o)$. As $\kappa$ grows, force and charge (or magnetic flux) tend to
-# those of perfect conduction, shown dashed.
+# those of perfect conduction, shown dashed. The limits themselves, 0 and infinity, are computed for figure 4.
 
 # %%
 LEVELS = {
@@ -213,7 +213,7 @@ for column, (field, condition) in zip(
                 section / centre[name],
                 marker,
                 ms=4,
-                label=f"κ = {float(section.kappa):.1g}",
+                label=f"κ = {float(section.kappa):.2g}",
             )
         panel.set_ylabel(f"{name.replace('_', ' ')} [1]")
     column[0].legend(fontsize="small")

@@ -44,8 +44,8 @@ finally:
 
 @pytest.mark.parametrize(
     ("laws", "load", "output"),
-    [("", "", SILENT), (FRICTION, PARTIAL_SLIP, "")],
-    ids=["normal", "friction with reports"],
+    [("", "", SILENT), (FRICTION, PARTIAL_SLIP, SILENT), (FRICTION, PARTIAL_SLIP, "")],
+    ids=["normal", "friction", "friction with reports"],
 )
 def test_announced_memory(laws: str, load: str, output: str, tmp_path: Path) -> None:
     file = tmp_path / "case.toml"

@@ -392,12 +392,19 @@ def test_survives_killed_workers(study, tmp_path, log, release):
 
 
 @pytest.mark.full
-def test_first_reductions_use_the_threads_of_waiting_processes(study, tmp_path, log):
-    """The second one runs beside points."""
-    file = study(f'{LINE}"formulation.stiffness" = [1e14, 2e14]\n')
+@pytest.mark.parametrize(
+    ("axis", "reductions"),
+    [
+        ('"formulation.stiffness" = [1e14, 2e14]', ["2", "1"]),
+        ('"mesh.divisions" = [2, 3, 4, 5, 6, 7, 8, 9]', ["1"] * 8),
+    ],
+    ids=["the second beside points", "none shared"],
+)
+def test_first_reductions_use_the_threads_of_waiting_processes(study, tmp_path, log, axis, reductions):
+    file = study(f"{LINE}{axis}\n" if "mesh" not in axis else LINE.partition('"steps')[0] + axis)
     assert sweep(file, tmp_path / "out", "--workers", 2)[0] == 0
     of_reductions = [line for line in log("threads") if "reduction" in line]
-    assert sorted(of_reductions) == [f"threads of a reduction: {n}, of libraries: {n}" for n in ("1", "2")]
+    assert sorted(of_reductions) == sorted(f"threads of a reduction: {n}, of libraries: {n}" for n in reductions)
     assert set(log("threads")) - set(of_reductions) == {"threads of a point: 1, of libraries: 1"}
 
 
