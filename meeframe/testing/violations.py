@@ -159,7 +159,10 @@ def _normal_trial(law: ContactLaw, traction: Array, gap: Array, r: float) -> Arr
 
     lower, upper = np.minimum(traction, 0.0), np.zeros_like(traction)
     for _ in range(_BISECTIONS):
-        lower = np.where(normal_traction(lower) > traction, 2.0 * lower, lower)
+        too_small = normal_traction(lower) > traction
+        if not too_small.any():
+            break
+        lower = np.where(too_small, 2.0 * lower, lower)
     for _ in range(_BISECTIONS):
         middle = 0.5 * (lower + upper)
         pressed = normal_traction(middle) <= traction

@@ -127,10 +127,9 @@ def sweep_nodes(
                         k, m = k % nx, m % ny
                     if 0 <= k < nx and 0 <= m < ny and number[k, m] >= 0:
                         other, response = relative_displacement[number[k, m]], responses[width + di, width + dj]
-                        for column in range(n_fields):
-                            if change[column] != 0.0:
-                                for row in range(NORMAL, n_fields):  # the tangential ones are not used
-                                    other[row] -= response[row, column] * change[column]
+                        for row in range(NORMAL, n_fields):  # the tangential ones are not used
+                            for column in range(n_fields):
+                                other[row] -= response[row, column] * change[column]
         max_work = max(max_work, work)
         if work <= tolerance * max_work:
             break
