@@ -231,15 +231,20 @@ class _State:
         fields = self.increment.fields
         load = self._global(fields["traction"], fields["electric_flux"], fields["magnetic_flux"])
         caused = np.zeros(len(SCALARS))
-        for number, compliance in enumerate(self.compliances):
-            turn = np.ones(5) if number == 0 else np.array([*TURN_OVER, 1, 1])
-            unloaded = compliance(self.file.points * turn[:3], 0.0 * load)
-            for chosen in (slice(3), slice(3, 5)):
-                part = np.zeros_like(load)
-                part[:, chosen] = load[:, chosen]
-                response = compliance(self.file.points * turn[:3], turn * part) - unloaded
+        for chosen in (slice(3), slice(3, 5)):
+            part = np.zeros_like(load)
+            part[:, chosen] = load[:, chosen]
+            for response in self._responses(part):
                 caused = np.maximum(caused, np.abs(response[:, 3:]).max(axis=0))
         return dict(zip(SCALARS, caused.tolist(), strict=True))
+
+    def _responses(self, load: Array) -> list[Array]:
+        """Return the displacements (n, 5) of each body by a load (n, 5) in global axes, without those of no load."""
+        turns = [np.ones(5), np.array([*TURN_OVER, 1, 1])]
+        return [
+            compliance(self.file.points * turn[:3], turn * load) - compliance(self.file.points * turn[:3], 0.0 * load)
+            for compliance, turn in zip(self.compliances, turns, strict=False)
+        ]
 
     def _compliance(self) -> dict[str, float]:
         fields, units = self.increment.fields, [self.length_unit] * 3 + [self._flux_units(name)[0] for name in SCALARS]
@@ -286,8 +291,29 @@ class _State:
             else:
                 parts = contributions[name]
                 scale = max(np.abs(parts).sum(), np.abs(total).max(), self._least_total(name))
-            worst[f"prescribed {name}"] = float(np.abs(parts.sum(axis=0) - total).max() / (scale or 1.0))
+            imbalance = float(np.abs(parts.sum(axis=0) - total).max())
+            worst[f"prescribed {name}"] = imbalance / (scale or 1.0)
+            if name in TOTALS.values():
+                worst[f"prescribed {name}"] = min(worst[f"prescribed {name}"], self._by_potential(name, imbalance))
         return worst
+
+    def _by_potential(self, total: str, imbalance: float) -> float:
+        """Return the change of a potential that conducts an imbalance of its total, relative to the largest potential.
+
+        Fluxes through the contact are as exact as the potentials that drive them.
+        """
+        (index,) = (index for index, name in enumerate(SCALARS) if TOTALS[name] == total)
+        law = self.file.case.get("conductivity", {}).get(SCALARS[index], "insulating")
+        nodes, drop = self.nodes, np.abs(self.drop[SCALARS[index]])
+        touches = nodes.pressure > laws.MARGIN * nodes.pressure_unit
+        if _table(law)["name"] == "insulating" or not touches.any():
+            return math.inf
+        kappa = laws.conductivity(_table(law), nodes.pressure, touches, np.maximum(nodes.gap, 0.0), drop)
+        load = np.where(touches[:, None] & (np.arange(5) == 3 + index), 1.0, 0.0)
+        resistance = np.abs(sum(response[:, 3 + index] for response in self._responses(load)))
+        conducts = touches & (kappa > 0.0)
+        conductance = float(self.file.weights[conducts] @ (1.0 / (1.0 / kappa[conducts] + resistance[conducts])))
+        return imbalance / (conductance * self._flux_units(SCALARS[index])[0]) if conductance > 0.0 else math.inf
 
     def _least_total(self, name: str) -> float:
         if name not in TOTALS.values():
