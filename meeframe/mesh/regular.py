@@ -289,3 +289,21 @@ def grid_shape(cells: Cells, count: int) -> tuple[int, int] | None:
     if any(not np.array_equal(quads[:, k], first + offset) for k, offset in enumerate((0, ny, ny + 1, 1))):
         return None
     return count // ny, ny
+
+
+def nodes_of_mixed_cells(cells: Cells, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the nodes (n,) of those cells that have both chosen nodes (n,) and others."""
+    mixed = np.zeros(len(chosen), bool)
+    if isinstance(cells, GridCells):
+        chosen_on_grid, mixed_on_grid = chosen.reshape(cells.shape), mixed.reshape(cells.shape)
+        sides = slice(None, -1), slice(1, None)
+        corners = [(rows, columns) for rows in sides for columns in sides]
+        of_corners = [chosen_on_grid[corner] for corner in corners]
+        is_mixed = np.logical_or.reduce(of_corners) & ~np.logical_and.reduce(of_corners)
+        for corner in corners:
+            mixed_on_grid[corner] |= is_mixed
+        return mixed
+    for _, nodes in cells:
+        of_cells = chosen[nodes]
+        mixed[nodes[of_cells.any(axis=1) & ~of_cells.all(axis=1)]] = True
+    return mixed

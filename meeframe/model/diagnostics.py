@@ -18,7 +18,7 @@ from meeframe.indenters.base import RIGID_MOTIONS, RIGID_RESULTANTS, IndenterMot
 from meeframe.laws.base import ContactLaw, attraction, augmented_traction, fixed_point_map, has_friction, is_adhesive
 from meeframe.mesh.body import Body
 from meeframe.mesh.measures import corners
-from meeframe.mesh.regular import GridCells, extreme_points, grid_shape, outermost_cells
+from meeframe.mesh.regular import extreme_points, grid_shape, nodes_of_mixed_cells, outermost_cells
 from meeframe.model.heat_diagnostics import heat_diagnostics
 from meeframe.model.kinematics import Increment, IndenterKinematics
 from meeframe.model.preflight import overlaps_evenly, preflight, unused_potentials
@@ -60,8 +60,6 @@ _GAPS_PER_REFINEMENT: Final = 100
 """Number of gaps for a refinement in the interval with the steepest decrease and in its neighbours."""
 _REFINEMENTS: Final = 3
 """Number of refinements of the steepest decrease."""
-_BEFORE_AND_AFTER: Final = slice(None, -1), slice(1, None)
-"""Nodes before and after each cell along an axis of a grid."""
 _RELATIVE_OFFSET: Final = 1e-3
 """Distance of a point beyond the side of an element, as a fraction of the way from its middle to the side."""
 
@@ -250,18 +248,7 @@ def _failed_onset(step: StepResult, law: ContactLaw, onsets: ContactOnsets) -> I
 
 def count_edge_nodes(zone: Zone, step: StepResult) -> int:
     """Return the number of nodes in contact that share an element with a node out of contact."""
-    touching = step.touching
-    at_open_node = np.zeros(len(touching), bool)
-    if isinstance(zone.cells, GridCells):
-        on_grid, open_on_grid = touching.reshape(zone.cells.shape), at_open_node.reshape(zone.cells.shape)
-        corners_of_cells = [(rows, columns) for rows in _BEFORE_AND_AFTER for columns in _BEFORE_AND_AFTER]
-        is_open = ~np.logical_and.reduce([on_grid[corner] for corner in corners_of_cells])
-        for corner in corners_of_cells:
-            open_on_grid[corner] |= is_open
-    else:
-        for _, nodes in zone.cells:
-            at_open_node[nodes[~touching[nodes].all(axis=1)]] = True
-    return int((touching & at_open_node).sum())
+    return int((step.touching & nodes_of_mixed_cells(zone.cells, step.touching)).sum())
 
 
 def _large(zone: Zone, step: StepResult) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """Figures of an increment: maps, sections through the centre, stick and slip, convergence; and the history."""
 
+import gc
 import warnings
 from itertools import cycle
 from pathlib import Path
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.errors import ResultError
 from meeframe.fields import Array
+from meeframe.mesh.regular import nodes_of_mixed_cells
 from meeframe.plugin.validation import choices
 from meeframe.results import schema
 from meeframe.results.canvas import (
@@ -195,9 +197,10 @@ def write_figures(result: Result, folder: Path, which: Which = None, suffix: str
     except OSError as error:
         raise ResultError(f"folder {folder} cannot be written: {error.strerror or error}") from None
     paths = [folder / f"{name}.{suffix}" for name in drawn]
-    for figure, target in zip(drawn.values(), paths, strict=True):
+    for name, target in zip(list(drawn), paths, strict=True):
         with replacing(target) as path:
-            save_figure(figure, path)
+            save_figure(drawn.pop(name), path)
+    gc.collect()  # of images of all nodes, to which axes and artists refer in cycles
     return paths
 
 
@@ -286,9 +289,7 @@ def contact_edge(zone: Zone, touching: NDArray[np.bool_], pressure: Array, gap: 
     nodes next to the contact edge: on average the line lies half way between two nodes, but close to a node that hardly
     touches.
     """
-    adjacent = np.zeros(len(touching), bool)
-    for _, nodes in zone.cells:
-        adjacent[nodes[touching[nodes].any(axis=1) & ~touching[nodes].all(axis=1)]] = True
+    adjacent = nodes_of_mixed_cells(zone.cells, touching)
     level = np.where(touching, np.maximum(pressure, 0.0) ** 2, np.maximum(gap, 0.0) ** (2 / 3))
     for side in (touching, ~touching):
         known = side & adjacent & np.isfinite(level)

@@ -208,7 +208,7 @@ def _picture(zone: Zone, scale: tuple[float, str]) -> Picture:
     middle = (extremes.min(axis=0) + extremes.max(axis=0)) / 2
     normal = zone.frames[:, 2].mean(axis=0)
     axes = local_frames(normal[None] / np.linalg.norm(normal))[0, :2]
-    points = (zone.points - middle) @ axes.T / scale[0]
+    points = (axes @ (zone.points - middle).T / scale[0]).T  # stored one coordinate after another
     return Picture(points, *scale, axes, zone.cells, _pixels(zone, points))
 
 

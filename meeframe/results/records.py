@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from meeframe.common.renamed import renaming
 from meeframe.contact.problem import ContactState, Status
-from meeframe.fields import MECHANICAL, MEE, POTENTIALS, Array, FieldSet, Indices
+from meeframe.fields import MECHANICAL, MEE, N_MECHANICAL, POTENTIALS, Array, FieldSet, Indices
 from meeframe.indenters.base import N_RIGID, RIGID_MOTIONS
 from meeframe.mesh.regular import Cells, global_components
 from meeframe.system.reduced import NodalFields, ReducedSystem
@@ -137,12 +137,33 @@ class ZoneFields:
     @property
     def values(self) -> Array:
         """Extended displacement in global axes, (n, fields)."""
-        return np.concatenate([global_components(self.zone.frames, self.displacement), self.potentials], axis=1)
+        return np.concatenate([self.columns("values", MECHANICAL), self.potentials], axis=1)
 
     @property
     def fluxes(self) -> Array:
         """Extended traction in global axes, (n, fields)."""
-        return np.concatenate([global_components(self.zone.frames, self.traction), self.scalar_fluxes], axis=1)
+        return np.concatenate([self.columns("fluxes", MECHANICAL), self.scalar_fluxes], axis=1)
+
+    def columns(self, source: str, columns: slice) -> Array:
+        """Return the vectors or scalars in some columns of `values` or `fluxes`, whose other columns are not made.
+
+        Parameters
+        ----------
+        source : str
+            Attribute, "values" or "fluxes".
+        columns : slice
+            Columns: those of the vectors, or some of the others.
+
+        Returns
+        -------
+        Array
+            Values, (n, k), SI units.
+        """
+        of_values = source == "values"
+        if columns == MECHANICAL:
+            return global_components(self.zone.frames, self.displacement if of_values else self.traction)
+        scalars = self.potentials if of_values else self.scalar_fluxes
+        return scalars[:, columns.start - N_MECHANICAL : columns.stop - N_MECHANICAL]
 
 
 class Region(IntEnum):

@@ -171,9 +171,13 @@ def _boundary_data(zone: Zone, step: StepResult, phenomena: Collection[str]) -> 
     boundary = step.boundary
     assert boundary is not None
     for field in schema.boundary_fields(step.fields):
-        values = getattr(boundary, field.source)[:, field.columns]
+        if isinstance(boundary, ZoneFields):
+            values = boundary.columns(field.source, field.columns)
+        else:
+            values = getattr(boundary, field.source)[:, field.columns]
         if schema.is_present(field, phenomena) or values.any():
             yield field.label, np.squeeze(values, axis=1 if field.is_scalar else ())
+        del values
     yield from _contact(zone, step, boundary, phenomena)
 
 
