@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meeframe.common.errors import ResultError
+from meeframe.common.memory import MIN_RELEASED_NODES
 from meeframe.fields import Array
 from meeframe.mesh.regular import nodes_of_mixed_cells
 from meeframe.plugin.validation import choices
@@ -200,7 +201,8 @@ def write_figures(result: Result, folder: Path, which: Which = None, suffix: str
     for name, target in zip(list(drawn), paths, strict=True):
         with replacing(target) as path:
             save_figure(drawn.pop(name), path)
-    gc.collect()  # of images of all nodes, to which axes and artists refer in cycles
+    if len(result.zone.points) >= MIN_RELEASED_NODES:
+        gc.collect()  # images of all nodes, to which axes and artists refer in cycles
     return paths
 
 
