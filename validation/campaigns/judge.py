@@ -239,26 +239,32 @@ class _State:
         return dict(zip(SCALARS, caused.tolist(), strict=True))
 
     def _responses(self, load: Array) -> list[Array]:
-        """Return the displacements (n, 5) of each body by a load (n, 5) in global axes, without those of no load."""
-        turns = [np.ones(5), np.array([*TURN_OVER, 1, 1])]
-        return [
-            compliance(self.file.points * turn[:3], turn * load) - compliance(self.file.points * turn[:3], 0.0 * load)
-            for compliance, turn in zip(self.compliances, turns, strict=False)
-        ]
+        """Return the displacements (n, 5) of each body by a load (n, 5), without those of no load."""
+        bodies = range(len(self.compliances))
+        return [self._respond(number, load) - unloaded for number, unloaded in zip(bodies, self._unloaded, strict=True)]
+
+    @cached_property
+    def _unloaded(self) -> list[Array]:
+        nothing = np.zeros((len(self.file.points), 5))
+        return [self._respond(number, nothing) for number in range(len(self.compliances))]
+
+    def _respond(self, number: int, load: Array) -> Array:
+        """Return the displacement (n, 5) of a body by a load (n, 5), both in global axes."""
+        turn = np.ones(5) if number == 0 else np.array([*TURN_OVER, 1, 1])
+        return turn * self.compliances[number](self.file.points * turn[:3], turn * load)
 
     def _compliance(self) -> dict[str, float]:
         fields, units = self.increment.fields, [self.length_unit] * 3 + [self._flux_units(name)[0] for name in SCALARS]
         plain = (fields["area_fraction"] == 1.0) & ~_near(self.file.points, fields["area_fraction"] < 1.0)
         load = self._global(fields["traction"], fields["electric_flux"], fields["magnetic_flux"])
         worst = {}
-        for number, compliance in enumerate(self.compliances):
+        for number in range(len(self.compliances)):
             stored = fields if number == 0 else self.increment.second
             assert stored is not None
             displacement = self._global(
                 stored["displacement"], -stored["electric_potential"], -stored["magnetic_potential"]
             )
-            turn = np.ones(5) if number == 0 else np.array([*TURN_OVER, 1, 1])
-            expected = turn * compliance(self.file.points * turn[:3], (1 if number == 0 else -1) * turn * load)
+            expected = self._respond(number, load if number == 0 else -load)
             # at the contact edge between nodes, loaded nodes have a compliance of their own
             difference = np.abs(expected - displacement)[plain] / units
             worst["compliance" if number == 0 else "compliance of the second body"] = difference.max(initial=0.0)
