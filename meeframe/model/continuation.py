@@ -21,6 +21,7 @@ from meeframe.model.biactive_friction import (
 )
 from meeframe.model.easier_laws import EXACT, Easing
 from meeframe.model.kinematics import Solution
+from meeframe.model.polyhedral_friction import solve_from_polyhedral_friction
 from meeframe.system.capabilities import EdgeResolution
 
 SolveFrom = Callable[[float, ContactState | None], Solution | None]
@@ -123,6 +124,9 @@ def solve_persistently(
     def solve_eased(start: ContactState | None, easing: Easing, approach: float | None = None) -> Solution:
         return solve(replace(brief, start=start, easing=easing, approach=approach))
 
+    def by_polyhedral_friction(failed: Solution) -> _Outcome:
+        return solve_from_polyhedral_friction(solve_eased, failed, tolerance), ""
+
     def by_capped_friction(failed: Solution) -> _Outcome:
         solution, ratio = solve_by_capped_friction(solve_eased, failed, tolerance)
         return solution, f"with friction of at most {ratio:.3g} times the pressure {_STATE}" if ratio > 0.0 else ""
@@ -161,6 +165,7 @@ def solve_persistently(
         return last
     increment, sentences = last.increment, list[str]()
     for strategy, applies in (
+        (by_polyhedral_friction, has_large_friction),
         (by_capped_friction, has_large_friction),
         (by_longer_attempt, is_brief),
         (by_scaled_conduction, conducting(increment.problem)),

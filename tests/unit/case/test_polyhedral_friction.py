@@ -1,0 +1,133 @@
+"""States with a polygon as limit of friction, against the laws of friction themselves."""
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from meeframe_laws.adhesive import DMT
+from meeframe_laws.compliant import Compliant
+from meeframe_laws.friction import CappedCoulomb, Tresca
+
+from meeframe.contact.problem import ContactProblem, PrescribedResultant, Status, contact_gap, unbalance
+from meeframe.contact.residual import law_residual
+from meeframe.contact.scales import problem_scales
+from meeframe.laws import IsotropicCoulomb
+from meeframe.model.easier_laws import Easing
+from meeframe.model.kinematics import Solution
+from meeframe.model.polyhedral_friction import polyhedral_state, solve_from_polyhedral_friction
+from meeframe.solvers import Auto, StoppingCriteria, solve
+from meeframe.testing.half_space import half_space_system, indentation_problem
+
+NEARLY = 1e-3
+"""Residual of a state whose directions of friction are refined."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """Increment with nothing but its problem."""
+
+    problem: ContactProblem
+    prescribed: dict[str, float] = field(default_factory=dict)
+
+
+def strongly_coupled(law, seed=0, slip=1.0):
+    """Return a problem on 25 nodes in which shear lifts and presses nodes as much as pressure does."""
+    rng = np.random.default_rng(seed)
+    system = half_space_system(-np.eye(3), 1.0, 5)
+    factor = rng.normal(size=(75, 75))
+    matrix = np.zeros_like(system.matrix)
+    matrix[:, :3, :, :3] = (factor @ factor.T / 75.0 + 0.2 * np.eye(75)).reshape(25, 3, 25, 3)
+    matrix[:, 3:, :, 3:] = system.matrix[:, 3:, :, 3:]
+    problem = indentation_problem(replace(system, matrix=matrix), rng.uniform(0.0, 0.5, 25), 0.3, law)
+    return replace(problem, translation=slip * rng.normal(size=(25, 2)))
+
+
+@pytest.mark.parametrize("ratio", [0.5, 10.0, 1e3])
+@pytest.mark.parametrize("law", [IsotropicCoulomb(np.inf), IsotropicCoulomb(0.3), Tresca(0.4), CappedCoulomb(2.0, 0.2)])
+def test_states_nearly_satisfy_the_capped_law(law, ratio):
+    problem = strongly_coupled(law)
+    eased = Easing(ratio).apply(problem)
+    state = polyhedral_state(problem, law, ratio, None)
+    assert state is not None
+    assert law_residual(eased, state, problem_scales(eased)) < NEARLY
+    np.testing.assert_allclose(state.displacement, problem.system.offset + problem.system.apply(state.load))
+
+
+@pytest.mark.parametrize("law", [DMT(0.02, 1.0, mu=np.inf), Compliant(1.0, 0.1, 1.5, mu=np.inf)])
+def test_attraction_and_compliance_are_those_of_the_known_state(law):
+    """They agree with the law where that state is the solution."""
+    problem = strongly_coupled(law)
+    eased = Easing(2.0).apply(problem)
+    known = solve(eased, Auto())
+    assert known.status is Status.CONVERGED
+    state = polyhedral_state(problem, law, 2.0, known.state)
+    assert state is not None
+    assert law_residual(eased, state, problem_scales(eased)) < NEARLY
+    assert (state.load[:, 2] > 0.0).any() == isinstance(law, DMT)
+
+
+def test_a_prescribed_force_is_borne():
+    problem = strongly_coupled(IsotropicCoulomb(np.inf))
+    mode, density = np.zeros((25, 5)), np.zeros((25, 5))
+    mode[:, 2], density[:, 2] = -1.0, -1.0
+    total = 0.01
+    problem = replace(
+        problem, prescribed_resultants=(PrescribedResultant(mode, density, problem.system.weights, total),)
+    )
+    state = polyhedral_state(problem, problem.contact_law, 1e3, None)
+    assert state is not None
+    np.testing.assert_allclose(unbalance(problem, state.load), 0.0, atol=1e-6 * total)
+    gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
+    assert gap.min() > -1e-6
+    assert (np.abs(gap[state.load[:, 2] < 0.0]) < 1e-6).all()
+
+
+def test_nodes_that_overlap_are_added():
+    """Nodes that are far from contact in the known state touch in the new one."""
+    problem = strongly_coupled(IsotropicCoulomb(np.inf))
+    light = solve(replace(problem, gap=problem.gap + 0.25, translation=0.0 * problem.translation), Auto()).state
+    far = replace(light, displacement=light.displacement - [0.0, 0.0, 10.0, 0.0, 0.0])
+    state = polyhedral_state(problem, problem.contact_law, 1e2, far)
+    gap = contact_gap(problem, state.displacement, state.motion)[:, 2]
+    assert (state.load[:, 2] < 0.0).sum() > (light.load[:, 2] < 0.0).sum()
+    assert gap.min() > -1e-6
+
+
+def test_nothing_is_found_without_a_stored_matrix():
+    problem = strongly_coupled(IsotropicCoulomb(np.inf))
+
+    class Unstored(type(problem.system)):
+        def dense(self):
+            return None
+
+    system = Unstored(**{name: getattr(problem.system, name) for name in problem.system.__dataclass_fields__})
+    assert polyhedral_state(replace(problem, system=system), problem.contact_law, 1e2, None) is None
+
+
+@pytest.mark.full(except_for=3)
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("law", [IsotropicCoulomb(np.inf), Tresca(0.5)])
+def test_increments_with_limits_that_jump_are_solved(synthetic, law, seed):
+    problem = strongly_coupled(law, seed)
+
+    def attempt(start, easing):
+        eased = easing.apply(problem)
+        solution = solve(eased, Auto(), StoppingCriteria(stall_window=10), start)
+        result = replace(
+            synthetic.step(1e-6),
+            status=solution.status,
+            residual=solution.residual,
+            iterations=solution.iterations,
+            message=solution.message,
+        )
+        return Solution(Planned(eased), SimpleNamespace(state=solution.state), result)
+
+    stalled = replace(synthetic.step(1e-6), status=Status.STALLED, iterations=7)
+    solution = solve_from_polyhedral_friction(
+        attempt, Solution(Planned(problem), SimpleNamespace(state=None), stalled), 1e-10
+    )
+    assert solution is not None
+    assert law_residual(problem, solution.end.state, problem_scales(problem)) < 1e-10
+    assert solution.increment.problem.contact_law is law
+    assert solution.result.iterations > 7
