@@ -124,12 +124,12 @@ def solve_persistently(
     def solve_eased(start: ContactState | None, easing: Easing, approach: float | None = None) -> Solution:
         return solve(replace(brief, start=start, easing=easing, approach=approach))
 
-    def by_polyhedral_friction(failed: Solution) -> _Outcome:
-        return solve_from_polyhedral_friction(solve_eased, failed, tolerance), ""
-
     def by_capped_friction(failed: Solution) -> _Outcome:
         solution, ratio = solve_by_capped_friction(solve_eased, failed, tolerance)
         return solution, f"with friction of at most {ratio:.3g} times the pressure {_STATE}" if ratio > 0.0 else ""
+
+    def by_polyhedral_friction(failed: Solution) -> _Outcome:
+        return solve_from_polyhedral_friction(solve_eased, failed, tolerance), ""
 
     def by_longer_attempt(failed: Solution) -> _Outcome:
         return solve(Attempt(stores=stores)), ""
@@ -165,8 +165,8 @@ def solve_persistently(
         return last
     increment, sentences = last.increment, list[str]()
     for strategy, applies in (
-        (by_polyhedral_friction, has_large_friction),
         (by_capped_friction, has_large_friction),
+        (by_polyhedral_friction, has_large_friction),
         (by_longer_attempt, is_brief),
         (by_scaled_conduction, conducting(increment.problem)),
         (by_approach, "normal_force" in increment.prescribed and _may_attract(increment.problem)),

@@ -133,7 +133,7 @@ def polyhedral_state(
         if violation < _MAX_VIOLATION:
             break
         friction = state.load[:, :2]
-        along = np.where(friction.any(axis=1)[:, None], friction, gap[:, :2])
+        along = np.where(np.any(friction, axis=1, keepdims=True), friction, gap[:, :2])
         angle = np.arctan2(along[:, 1], along[:, 0])
         directions = np.column_stack([around, angle[:, None] + span * np.linspace(-1.0, 1.0, _N_REFINED)])
         span *= _REFINEMENT
@@ -164,8 +164,8 @@ class _Frozen:
             self._load[:, NORMAL], self._load[:, POTENTIALS] = attraction(law, gap), known.load[:, POTENTIALS]
             may_touch &= (gap < scales.displacement[NORMAL]) | known.load[:, MECHANICAL].any(axis=1)
             pressure = self._load[:, NORMAL] - known.load[:, NORMAL]
-            yields = (pressure > 0.0) & (gap < 0.0)
-            if has_resolvent(law) and yields.any():
+            yields = np.flatnonzero((pressure > 0.0) & (gap < 0.0))
+            if has_resolvent(law) and len(yields):
                 ratios = -gap[yields] / pressure[yields]
                 closure[:], closure[yields] = np.median(ratios), ratios
         self.nodes: Indices = np.flatnonzero(may_touch)
