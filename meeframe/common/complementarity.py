@@ -37,7 +37,7 @@ def solve_complementarity(matrix: Array, right: Array) -> Array | None:
     Returns
     -------
     Array or None
-        (n,); None if the method ends on a ray or takes too many pivots.
+        (n,); None if the method ends on a ray, at a singular basis, or after too many pivots.
     """
     n = len(right)
     if (right >= 0.0).all():
@@ -58,7 +58,10 @@ def solve_complementarity(matrix: Array, right: Array) -> Array | None:
             return solution[n:artificial]
         if pivots % _PIVOTS_BETWEEN == 0:
             full = np.column_stack([np.eye(n), -matrix, -cover])
-            fresh = scipy.linalg.solve(full[:, rows], np.column_stack([-full[:, columns], right]))
+            try:
+                fresh = np.linalg.solve(full[:, rows], np.column_stack([-full[:, columns], right]))
+            except np.linalg.LinAlgError:
+                return None
             dictionary, values = np.asfortranarray(fresh[:, :-1]), fresh[:, -1].copy()
         entering = leaving + n if leaving < n else leaving - n
         column = int(np.flatnonzero(columns == entering)[0])

@@ -39,8 +39,8 @@ _FIRST_RATIO: Final = 1.0
 """Ratio of friction to pressure of a state that is easily found."""
 _RATIOS: Final = (1e3, 1e4, 1e2, 1e1)
 """Ratios from whose states the solution is sought; most find it from the first one."""
-_MAX_NODES: Final = 128
-"""Largest number of nodes that may touch: about 20 s for each solution of the linear complementarity problem."""
+_MAX_NODES: Final = 100
+"""Largest number of nodes that may touch: a few seconds for each solution of the complementarity problem."""
 _N_DIRECTIONS: Final = 8
 """Number of directions all around."""
 _N_REFINED: Final = 5
@@ -48,6 +48,8 @@ _N_REFINED: Final = 5
 _REFINEMENT: Final = 0.4
 """Factor of the angle that these span, from one solution to the next."""
 _MAX_REFINEMENTS: Final = 12
+_MAX_IDLE: Final = 4
+"""Number of refinements, in all, and in a row without a smaller violation."""
 _MAX_VIOLATION: Final = 1e-4
 """Largest violation of the friction laws, relative to the characteristic pressure, at which directions are accurate."""
 _LARGE_PRESSURE: Final = 1e6
@@ -73,7 +75,7 @@ def solve_from_polyhedral_friction(solve: SolveEased, failed: Solution, toleranc
     Returns
     -------
     Solution or None
-        The solution; None if it is not found, or if more than 128 nodes may touch.
+        The solution; None if it is not found, or if more than 100 nodes may touch.
     """
     exact, iterations = failed.increment.problem, failed.result.iterations
     last = solve(None, Easing(_FIRST_RATIO))
@@ -121,16 +123,17 @@ def polyhedral_state(
     frozen = _Frozen(problem, law, ratio, known)
     around = np.tile(2.0 * np.pi * np.arange(_N_DIRECTIONS) / _N_DIRECTIONS, (len(problem.gap), 1))
     directions, span = around, 2.0 * np.pi / _N_DIRECTIONS
-    best, least = None, np.inf
+    best, least, idle = None, np.inf, 0
     for _ in range(_MAX_REFINEMENTS):
         state = frozen.state(directions)
         if state is None:
             break
         gap = contact_gap(problem, state.displacement, state.motion)
         violation = frozen.violation(state, gap)
+        idle = 0 if violation < least else idle + 1
         if violation < least:
             best, least = state, violation
-        if violation < _MAX_VIOLATION:
+        if violation < _MAX_VIOLATION or idle == _MAX_IDLE:
             break
         friction = state.load[:, :2]
         along = np.where(np.any(friction, axis=1, keepdims=True), friction, gap[:, :2])
