@@ -14,8 +14,10 @@ _PIVOTS_BETWEEN: Final = 400
 """Number of pivots after which the dictionary is computed anew, without the round-off of so many updates."""
 _MIN_PIVOT: Final = 1e-9
 """Least magnitude of a pivot."""
-_TIE, _ROUND_OFF = 1e-10, 1e-11
-"""Difference of the values of the entering variable that counts as none, and value of a variable that does."""
+_TIE: Final = 1e-10
+"""Difference of the values of the entering variable that counts as none."""
+_ROUND_OFF: Final = 1e-11
+"""Value of a variable that counts as zero."""
 _SEED: Final = 1
 """Seed of the covering vector, whose random entries prevent ties."""
 
@@ -37,7 +39,8 @@ def solve_complementarity(matrix: Array, right: Array) -> Array | None:
     Returns
     -------
     Array or None
-        (n,); None if the method ends on a ray, at a singular basis, or after too many pivots.
+        (n,); None if the method ends on a ray, at a singular basis, with numbers that are not finite, or after too many
+        pivots.
     """
     n = len(right)
     if (right >= 0.0).all():
@@ -67,7 +70,7 @@ def solve_complementarity(matrix: Array, right: Array) -> Array | None:
         column = int(np.flatnonzero(columns == entering)[0])
         slope = dictionary[:, column]
         falling = np.flatnonzero(slope < -_MIN_PIVOT)
-        if not len(falling):
+        if not len(falling) or not np.isfinite(values).all():
             return None
         limits = np.maximum(values[falling], 0.0) / -slope[falling]
         tied = falling[limits <= (1.0 + _TIE) * limits.min() + _TIE]

@@ -114,10 +114,10 @@ def polyhedral_state(
     Returns
     -------
     ContactState or None
-        The state, with the fluxes and potentials of the known one. None if no matrix is stored, too many nodes may
+        The state, with the fluxes and potentials of the known one. None if no matrix is stored, no node or too many may
         touch, or Lemke's method finds no state.
     """
-    if problem.system.dense() is None:
+    if problem.system.dense() is None or not 0.0 < problem_scales(problem).pressure < np.inf:
         return None
     problem = replace(problem, contact_law=CappedLaw(law, ratio))
     frozen = _Frozen(problem, law, ratio, known)
@@ -197,7 +197,7 @@ class _Frozen:
 
     def state(self, angles: Array) -> ContactState | None:
         """Return the state with friction along directions at angles (n, k) of each node; None if it is not found."""
-        while len(self.nodes) <= _MAX_NODES:
+        while 0 < len(self.nodes) <= _MAX_NODES:
             state = self._state_at_nodes(angles[self.nodes])
             if state is None:
                 return None

@@ -105,6 +105,14 @@ def test_nothing_is_found_without_a_stored_matrix():
     assert polyhedral_state(replace(problem, system=system), problem.contact_law, 1e2, None) is None
 
 
+def test_nothing_is_found_where_nothing_may_touch():
+    problem = strongly_coupled(IsotropicCoulomb(np.inf))
+    nowhere = replace(problem, gap=np.full(25, np.inf))
+    assert polyhedral_state(nowhere, problem.contact_law, 1e2, None) is None
+    far = polyhedral_state(replace(problem, gap=np.full(25, 100.0)), problem.contact_law, 1e2, None)
+    assert not far.load[:, 2].any()
+
+
 @pytest.mark.full(except_for=3)
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("law", [IsotropicCoulomb(np.inf), Tresca(0.5)])

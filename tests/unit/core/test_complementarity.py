@@ -41,6 +41,6 @@ def test_nothing_is_needed_where_the_right_hand_side_is_positive():
     np.testing.assert_array_equal(solve_complementarity(-np.eye(2), np.array([1.0, 2.0])), [0.0, 0.0])
 
 
-@pytest.mark.parametrize("matrix", [[[-1.0]], [[0.0]]])
+@pytest.mark.parametrize("matrix", [[[-1.0]], [[0.0]], [[np.nan]]])
 def test_problems_without_a_solution(matrix):
     assert solve_complementarity(np.array(matrix), np.array([-1.0])) is None
