@@ -19,8 +19,8 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.complementarity import solve_complementarity
-from meeframe.contact.problem import ContactProblem, ContactState, contact_gap
-from meeframe.contact.residual import NEGLIGIBLE_PRESSURE
+from meeframe.contact.problem import ContactProblem, ContactState, Iterate, contact_gap
+from meeframe.contact.residual import NEGLIGIBLE_PRESSURE, evaluate
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, NORMAL, POTENTIALS, Array, Indices
 from meeframe.laws.base import (
@@ -65,12 +65,8 @@ def solve_from_polyhedral_friction(solve: SolveEased, failed: Solution, toleranc
 
     Parameters
     ----------
-    solve : callable
-        Solves the increment under easier laws.
-    failed : Solution
-        Increment that did not converge from the usual initial guess.
-    tolerance : float
-        Residual of a solution.
+    solve, failed, tolerance
+        As for `solve_by_capped_friction`.
 
     Returns
     -------
@@ -163,7 +159,7 @@ class _Frozen:
         self._load, closure = np.zeros((n, problem.fields.size)), np.zeros(n)
         may_touch = np.isfinite(problem.gap)
         if known is not None:
-            gap = contact_gap(problem, self._displacement(known.load), known.motion)[:, NORMAL]
+            gap = contact_gap(problem, known.displacement, known.motion)[:, NORMAL]
             self._load[:, NORMAL], self._load[:, POTENTIALS] = attraction(law, gap), known.load[:, POTENTIALS]
             may_touch &= (gap < scales.displacement[NORMAL]) | known.load[:, MECHANICAL].any(axis=1)
             pressure = self._load[:, NORMAL] - known.load[:, NORMAL]
@@ -173,15 +169,11 @@ class _Frozen:
                 closure[:], closure[yields] = np.median(ratios), ratios
         self.nodes: Indices = np.flatnonzero(may_touch)
         self._closure = closure / scales.normal_compliance
-        fixed = contact_gap(problem, self._displacement(self._load), self._motion)
+        fixed = contact_gap(problem, problem.system.offset + problem.system.apply(self._load), self._motion)
         self._gap = np.where(np.isfinite(fixed), fixed, 0.0) / self._unit
         negligible = NEGLIGIBLE_PRESSURE * self._pressure
         self._ratio = np.minimum(ratio, self._friction(law, negligible) / negligible)
         self._limit = self._friction(law, _LARGE_PRESSURE * self._pressure) / self._pressure
-
-    def _displacement(self, load: Array) -> Array:
-        matrix = self._matrix.reshape(load.size, load.size)
-        return np.asarray((matrix @ load.ravel()).reshape(load.shape) + self._problem.system.offset)
 
     def _friction(self, law: ContactLaw, pressure: float) -> Array:
         """Return the largest friction (n,) [Pa] of a law under a pressure [Pa]."""
@@ -227,7 +219,7 @@ class _Frozen:
         motion[self._modes] += units * (there - back)
         contact_fraction = np.zeros(len(load))
         contact_fraction[self.nodes] = solution[: n_loads : 1 + k] > 0.0
-        return ContactState(load, self._displacement(load), contact_fraction, motion)
+        return evaluate(self._problem, Iterate(load, contact_fraction, motion=motion))
 
     def _equations(self, base: Array, k: int) -> tuple[Array, Array, Array]:
         """Return matrix and right-hand side of the complementarity problem, and the units of the motions.

@@ -1,19 +1,21 @@
 """Fixtures: load steps on an elastic half space with all couplings."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from meeframe.contact.problem import Status
+from meeframe.contact.problem import ContactProblem, Status
 from meeframe.indenters import Sphere
 from meeframe.indenters.base import RESULTANTS
 from meeframe.laws import IsotropicCoulomb
+from meeframe.model.kinematics import Solution
 from meeframe.model.load import load_case
 from meeframe.model.solve import solve_steps
 from meeframe.results.records import Zone
 from meeframe.results.resultants import resultants
+from meeframe.solvers import Auto, StoppingCriteria, solve
 from meeframe.testing.elastic_half_space import elastic_half_space
 
 YOUNG, POISSON, RADIUS, SIDE = 100e9, 0.3, 0.1, 4e-3
@@ -42,6 +44,37 @@ def bed():
 def frictional(write_case, registry):
     """Return a frictional sphere in place of that of the tiny case, for another reduced system."""
     return replace(load_case(write_case(), registry), indenter=Sphere(RADIUS), contact_law=IsotropicCoulomb(0.3))
+
+
+@dataclass(frozen=True)
+class Planned:
+    """Increment with nothing but its problem."""
+
+    problem: ContactProblem
+    prescribed: dict[str, float] = field(default_factory=dict)
+
+
+@pytest.fixture
+def increments(synthetic):
+    """Return a function that returns solve(start, easing) of a problem, and its increment before it converges."""
+
+    def of(problem):
+        def solve_eased(start, easing):
+            eased = easing.apply(problem)
+            solution = solve(eased, Auto(), StoppingCriteria(stall_window=10), start)
+            result = replace(
+                synthetic.step(1e-6),
+                status=solution.status,
+                residual=solution.residual,
+                iterations=solution.iterations,
+                message=solution.message,
+            )
+            return Solution(Planned(eased), SimpleNamespace(state=solution.state), result)
+
+        stalled = replace(synthetic.step(1e-6), status=Status.STALLED, iterations=7)
+        return solve_eased, Solution(Planned(problem), SimpleNamespace(state=None), stalled)
+
+    return of
 
 
 class Path:

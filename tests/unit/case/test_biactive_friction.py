@@ -1,7 +1,6 @@
 """Friction of nodes that touch without pressure, where its limit jumps, against closed forms of a single node."""
 
-from dataclasses import dataclass, field, replace
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,15 +8,13 @@ from meeframe_laws.adhesive import DMT
 from meeframe_laws.compliant import Compliant
 from meeframe_laws.friction import CappedCoulomb, Tresca
 
-from meeframe.contact.problem import ContactProblem, ContactState, Status, contact_gap
+from meeframe.contact.problem import ContactState, Status, contact_gap
 from meeframe.contact.residual import NEGLIGIBLE_PRESSURE, friction_exceeds, law_residual, limit_jumps
 from meeframe.contact.scales import problem_scales
 from meeframe.laws import IsotropicCoulomb
 from meeframe.laws.base import attraction
 from meeframe.model.biactive_friction import solve_from_biactive_friction
 from meeframe.model.continuation import solve_by_capped_friction, solve_persistently
-from meeframe.model.kinematics import Solution
-from meeframe.solvers import Auto, StoppingCriteria, solve
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
 NODE = 12
@@ -26,14 +23,6 @@ COUPLING = 0.5
 """Normal displacement under unit friction, by which friction at its limit lifts the node by LIMIT * COUPLING."""
 OVERLAP = 0.9 * LIMIT * COUPLING
 """Overlap that friction of nine tenths of the limit undoes: then the node touches without pressure."""
-
-
-@dataclass(frozen=True)
-class Planned:
-    """Increment with nothing but its problem."""
-
-    problem: ContactProblem
-    prescribed: dict[str, float] = field(default_factory=dict)
 
 
 def single_node(law, slip=SLIP, kappa=0.0):
@@ -96,24 +85,11 @@ def test_friction_against_the_slip_or_beyond_the_limit_is_no_solution():
         (Compliant(LIMIT, COUPLING, 3.0, mu=np.inf), 0.9 * LIMIT),  # it yields steeply under hardly any pressure
     ],
 )
-def test_a_node_between_open_and_closed_is_found(synthetic, law, friction, kappa):
+def test_a_node_between_open_and_closed_is_found(increments, law, friction, kappa):
     problem = single_node(law, kappa=kappa)
 
-    def attempt(start, easing):
-        eased = easing.apply(problem)
-        solution = solve(eased, Auto(), StoppingCriteria(stall_window=10), start)
-        result = replace(
-            synthetic.step(1e-6),
-            status=solution.status,
-            residual=solution.residual,
-            iterations=solution.iterations,
-            message=solution.message,
-        )
-        return Solution(Planned(eased), SimpleNamespace(state=solution.state), result)
-
-    stalled = replace(synthetic.step(1e-6), status=Status.STALLED)
-    failed = Solution(Planned(problem), SimpleNamespace(state=None), stalled)
-    solution, _ = solve_by_capped_friction(attempt, failed, 1e-10)
+    solve_eased, failed = increments(problem)
+    solution, _ = solve_by_capped_friction(solve_eased, failed, 1e-10)
     assert solution is not None
     planned, end, result = solution
     assert planned.problem.contact_law is law
@@ -126,23 +102,18 @@ def test_a_node_between_open_and_closed_is_found(synthetic, law, friction, kappa
     np.testing.assert_allclose(np.abs(end.state.load[NODE, 3]), expected, atol=1e-8)
 
 
-def test_biactive_friction_is_found_from_a_smaller_multiple_where_pressures_are_too_small(synthetic):
+def test_biactive_friction_is_found_from_a_smaller_multiple_where_pressures_are_too_small(increments):
     problem = single_node(Tresca(LIMIT))
+    solve_eased, failed = increments(problem)
     ratios = []
 
     def attempt(start, easing):
         if easing.pull is not None:
             ratios.append(easing.ratio)
         fails = easing.ratio == np.inf or (easing.pull is not None and not 1e4 < easing.ratio < 9e5)
-        eased = easing.apply(problem)
-        solution = solve(eased, Auto(), StoppingCriteria(stall_window=10), start)
-        result = replace(
-            synthetic.step(1e-6), status=Status.STALLED if fails else solution.status, residual=solution.residual
-        )
-        return Solution(Planned(eased), SimpleNamespace(state=solution.state), result)
+        solution = solve_eased(start, easing)
+        return solution.with_result(status=Status.STALLED) if fails else solution
 
-    stalled = replace(synthetic.step(1e-6), status=Status.STALLED)
-    failed = Solution(Planned(problem), SimpleNamespace(state=None), stalled)
     solution, reached = solve_by_capped_friction(attempt, failed, 1e-10)
     assert solution is not None
     assert ratios[0] == reached == 1e6
@@ -151,19 +122,14 @@ def test_biactive_friction_is_found_from_a_smaller_multiple_where_pressures_are_
 
 
 @pytest.mark.parametrize("law", [Tresca(LIMIT), IsotropicCoulomb(np.inf), DMT(0.05, 1.0, mu=np.inf)])
-def test_biactive_friction_follows_the_load(synthetic, law):
+def test_biactive_friction_follows_the_load(increments, law):
     """From a state with three quarters of the friction, without the path of smaller multiples of the pressure."""
     problem = single_node(law)
 
-    def attempt(start, easing):
-        eased = easing.apply(problem)
-        solution = solve(eased, Auto(), StoppingCriteria(stall_window=10), start)
-        result = replace(synthetic.step(1e-6), status=solution.status, residual=solution.residual)
-        return Solution(Planned(eased), SimpleNamespace(state=solution.state), result)
-
+    solve_eased, _ = increments(problem)
     adhesion = attraction(law, np.zeros(25))[NODE]
     start = state_of(problem, (-0.75 * LIMIT, 0.0, adhesion))
-    solution = solve_from_biactive_friction(attempt, start, start, problem, 1e-10)
+    solution = solve_from_biactive_friction(solve_eased, start, start, problem, 1e-10)
     assert solution is not None
     planned, end, result = solution
     assert planned.problem.contact_law is law
@@ -176,20 +142,19 @@ def test_biactive_friction_follows_the_load(synthetic, law):
 
 
 @pytest.mark.full
-def test_friction_that_jumps_is_sought_from_parts_of_the_load(synthetic):
+def test_friction_that_jumps_is_sought_from_parts_of_the_load(increments):
     """States under smaller multiples of the pressure end before the whole load, too."""
     whole, reached = single_node(IsotropicCoulomb(np.inf)), [0.0]
 
     def attempt(attempt):
         problem = replace(whole, gap=attempt.fraction * whole.gap)
-        eased = attempt.easing.apply(problem)
-        solution = solve(eased, Auto(), StoppingCriteria(stall_window=10), attempt.start)
+        solve_eased, _ = increments(problem)
+        solution = solve_eased(attempt.start, attempt.easing)
         is_near = attempt.easing.ratio < np.inf and attempt.fraction <= reached[-1] + 0.2
-        status = solution.status if is_near else Status.STALLED
-        if status is Status.CONVERGED and law_residual(problem, solution.state, problem_scales(problem)) < 1e-10:
+        status = solution.result.status if is_near else Status.STALLED
+        if status is Status.CONVERGED and law_residual(problem, solution.end.state, problem_scales(problem)) < 1e-10:
             reached.append(attempt.fraction)
-        result = replace(synthetic.step(1e-6), status=status, residual=solution.residual, area_fraction=None)
-        return Solution(Planned(eased), SimpleNamespace(state=solution.state), result)
+        return solution.with_result(status=status, area_fraction=None)
 
     before = state_of(whole, np.zeros(3))
     _, end, result = solve_persistently(attempt, 10, True, False, 1e-10, before)
