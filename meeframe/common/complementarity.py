@@ -6,9 +6,11 @@ import numpy as np
 import scipy  # submodules are loaded on first use
 from numpy.typing import NDArray
 
+from meeframe.common.blas import ONE_BLAS_THREAD
+
 Array = NDArray[np.float64]
 
-_MAX_PIVOTS_PER_UNKNOWN: Final = 6
+_MAX_PIVOTS_PER_UNKNOWN: Final = 12
 """Number of pivots after which the method ends without a solution, for each unknown: few problems need one of them."""
 _PIVOTS_BETWEEN: Final = 400
 """Number of pivots after which the dictionary is computed anew, without the round-off of so many updates."""
@@ -42,9 +44,15 @@ def solve_complementarity(matrix: Array, right: Array) -> Array | None:
         (n,); None if the method ends on a ray, at a singular basis, with numbers that are not finite, or after too many
         pivots.
     """
-    n = len(right)
     if (right >= 0.0).all():
-        return np.zeros(n)
+        return np.zeros(len(right))
+    with ONE_BLAS_THREAD:  # pivots are too small to share
+        return _follow(matrix, right)
+
+
+def _follow(matrix: Array, right: Array) -> Array | None:
+    """Return the solution at the end of the path, or None."""
+    n = len(right)
     cover = np.random.default_rng(_SEED).uniform(0.5, 1.5, n)
     # row variables = dictionary times column variables + values; w, z and the artificial variable have these numbers
     rows, columns, artificial = np.arange(n), np.arange(n, 2 * n + 1), 2 * n

@@ -210,6 +210,35 @@ def _biactive_violation(law: ContactLaw, traction: Array, gap: Array, trial: Arr
     return np.asarray(np.max([missed, normal, r * np.abs(gap[:, NORMAL])], axis=0))
 
 
+def state_resistances(problem: ContactProblem, state: ContactState) -> Array:
+    """Return the resistances of the contact in a state.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        Contact problem of n nodes.
+    state : ContactState
+        Its state.
+
+    Returns
+    -------
+    Array
+        (n, channels), as from `resistances`.
+    """
+    relative_displacement = indenter_position(problem, state.motion) - state.displacement
+    return _resistances(
+        problem, state, relative_displacement, conducted_flux(problem, state.load, relative_displacement)
+    )
+
+
+def _resistances(problem: ContactProblem, state: ContactState, relative_displacement: Array, flux: Array) -> Array:
+    """Return the resistances (n, channels) of a state with relative displacements (n, fields) and conducted fluxes."""
+    normal_traction = contact_traction(problem.contact_law, state.load[:, NORMAL], relative_displacement[:, NORMAL])
+    self_compliance = potential_diagonal(problem)
+    unloaded_position = unloaded(relative_displacement, flux, self_compliance) if depends_on_gap(problem) else None
+    return resistances(problem, normal_traction, state.contact_fraction, self_compliance, unloaded_position)
+
+
 def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales) -> list[float]:
     """Return the largest R f + (-phi + phi_o) over a characteristic potential, and f alone where insulated.
 
@@ -223,11 +252,8 @@ def _flux_violation(problem: ContactProblem, state: ContactState, scales: Scales
         return [largest(flux) * c / scale for flux, c, scale in insulated]
     relative_displacement = indenter_position(problem, state.motion)
     relative_displacement -= state.displacement
-    normal_traction = contact_traction(problem.contact_law, state.load[:, NORMAL], relative_displacement[:, NORMAL])
-    self_compliance = potential_diagonal(problem)
     flux = conducted_flux(problem, state.load, relative_displacement)
-    unloaded_position = unloaded(relative_displacement, flux, self_compliance) if depends_on_gap(problem) else None
-    resistance = resistances(problem, normal_traction, state.contact_fraction, self_compliance, unloaded_position)
+    resistance = _resistances(problem, state, relative_displacement, flux)
     difference = -relative_displacement[:, POTENTIALS]
     weight = compliance / (compliance + resistance)
     drop = np.where(weight > 0.0, difference, 0.0) * weight + (1.0 - weight) * compliance * flux

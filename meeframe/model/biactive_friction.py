@@ -23,7 +23,11 @@ _BIACTIVE_RATIO: Final = 1e6
 _RATIOS: Final = (1e3, 1e2, 1e4)
 """Largest ratios of friction to pressure with which it is sought from a state nearby."""
 _MAX_PULLS: Final = 20
-"""Number of attractions that are tried."""
+"""Number of attractions that are tried with one ratio."""
+_MAX_ROUND_OFF: Final = 1e-6
+"""Residual below which round-off may be what prevents its fall."""
+_LOWER: Final = 10.0
+"""Factor by which the ratio is then lowered."""
 _MIN_SHARE: Final = 1.0 / 8.0
 """Least fraction of the change of an attraction by which it is changed."""
 _MEMORY: Final = 4
@@ -96,31 +100,70 @@ def solve_with_biactive_friction(
     pull : Array, optional
         (n,), attraction [Pa] in that increment; zero by default.
     """
-    solution, share = capped, 1.0
-    iterations, pull = capped.result.iterations, np.zeros(len(exact.gap)) if pull is None else pull
+    pull = np.zeros(len(exact.gap)) if pull is None else pull
+    while True:
+        solution, pull, residual = _cancel_pressure(solve, capped, ratio, exact, tolerance, pull)
+        if residual <= tolerance:
+            problem = _under_laws(solution, exact)
+            solution = solution._replace(increment=replace(solution.increment, problem=problem))
+            return with_biactive_nodes(solution.with_result(residual=residual), ratio)
+        if residual > _MAX_ROUND_OFF or not _may_lower(solution, exact.contact_law, ratio / _LOWER, pull):
+            return None
+        ratio, pull = ratio / _LOWER, _LOWER * pull
+        capped = solve(solution.end.state, Easing(ratio, pull=pull))
+        if not capped.is_converged:
+            return None
+        capped = capped.with_result(iterations=solution.result.iterations + capped.result.iterations)
+
+
+def _cancel_pressure(
+    solve: SolveEased, capped: Solution, ratio: float, exact: ContactProblem, tolerance: float, pull: Array
+) -> tuple[Solution, Array, float]:
+    """Return a solution whose attraction (n,) [Pa] nearly leaves biactive nodes without pressure, and its residual.
+
+    The other arguments are those of `solve_with_biactive_friction`. The attraction changes until the residual under the
+    laws of the increment is within the tolerance, or falls no longer.
+    """
+    solution, share, iterations, last = capped, 1.0, capped.result.iterations, np.inf
     pulls: list[Array] = []
     pressures: list[Array] = []
-    for _ in range(_MAX_PULLS):
-        state, planned = solution.end.state, solution.increment
+    while True:
+        state, problem = solution.end.state, _under_laws(solution, exact)
         assert state is not None
-        problem = replace(planned.problem, contact_law=exact.contact_law, channels=exact.channels)
         residual = law_residual(problem, state, problem_scales(problem))
-        if residual <= tolerance:
-            solution = solution._replace(increment=replace(planned, problem=problem))
-            return with_biactive_nodes(solution.with_result(residual=residual, iterations=iterations), ratio)
-        pressure = _capped_pressure(planned.problem, state, exact.contact_law, ratio, pull)
-        pulls, pressures = [*pulls, pull][-_MEMORY:], [*pressures, pressure][-_MEMORY:]
-        change = _next_value(pulls, pressures) - pull
+        is_idle = last < 2.0 * residual < 2.0 * _MAX_ROUND_OFF
+        if residual <= tolerance or is_idle or len(pulls) == _MAX_PULLS:
+            return solution.with_result(iterations=iterations), pull, residual
+        last = residual
+        pulls, pressures = [*pulls, pull], [*pressures, _capped_pressure(solution, exact.contact_law, ratio, pull)]
+        change = _next_value(pulls[-_MEMORY:], pressures[-_MEMORY:]) - pull
         while True:
-            solution = solve(_relieved(state, share * change), Easing(ratio, pull=pull + share * change))
-            iterations += solution.result.iterations
-            if solution.is_converged:
+            following = solve(_relieved(state, share * change), Easing(ratio, pull=pull + share * change))
+            iterations += following.result.iterations
+            if following.is_converged:
                 break
             if share <= _MIN_SHARE:
-                return None
+                return solution.with_result(iterations=iterations), pull, residual
             share /= 2.0
-        pull, share = pull + share * change, min(2.0 * share, 1.0)
-    return None
+        solution, pull, share = following, pull + share * change, min(2.0 * share, 1.0)
+
+
+def _under_laws(solution: Solution, exact: ContactProblem) -> ContactProblem:
+    """Return the problem of a solution under easier laws with those of the increment."""
+    return replace(solution.increment.problem, contact_law=exact.contact_law, channels=exact.channels)
+
+
+def _may_lower(solution: Solution, law: ContactLaw, ratio: float, pull: Array) -> bool:
+    """Return whether friction of at most a lower multiple of the pressure would still be that of the other nodes.
+
+    Round-off of the pressures is the smaller in the friction of biactive nodes, the lower the multiple is.
+    """
+    state = solution.end.state
+    assert state is not None
+    gap = contact_gap(solution.increment.problem, state.displacement, state.motion)[:, 2]
+    pressure = -contact_traction(law, state.load[:, 2], gap)
+    size, others = np.linalg.norm(state.load[:, :2], axis=1), pull == 0.0
+    return ratio >= 1.0 and bool((size[others] <= ratio * np.maximum(pressure[others], 0.0)).all())
 
 
 def _relieved(state: ContactState, pull: Array) -> ContactState:
@@ -130,14 +173,15 @@ def _relieved(state: ContactState, pull: Array) -> ContactState:
     return replace(state, load=load)
 
 
-def _capped_pressure(problem: ContactProblem, state: ContactState, law: ContactLaw, ratio: float, pull: Array) -> Array:
+def _capped_pressure(solution: Solution, law: ContactLaw, ratio: float, pull: Array) -> Array:
     """Return the pressure (n,) [Pa] of the nodes whose friction a law would increase, zero elsewhere.
 
     Nodes that stick under a larger attraction count with the pressure that their friction needs.
 
-    problem: that of the state, under friction of at most a multiple of the pressure; ratio: the multiple; pull: (n,),
-    attraction [Pa].
+    solution: under friction of at most a multiple of the pressure; ratio: the multiple; pull: (n,), attraction [Pa].
     """
+    problem, state = solution.increment.problem, solution.end.state
+    assert state is not None
     r = (1.0 / problem_scales(problem).normal_compliance,) * 2
     gap = contact_gap(problem, state.displacement, state.motion)
     trial = augmented_traction(problem.contact_law, state.load[:, MECHANICAL], gap, r)

@@ -19,10 +19,9 @@ from meeframe.model.biactive_friction import (
     solve_with_biactive_friction,
     with_biactive_nodes,
 )
-from meeframe.model.easier_laws import EXACT, Easing
+from meeframe.model.easier_laws import EXACT, Easing, resolves_edge
 from meeframe.model.kinematics import Solution
 from meeframe.model.polyhedral_friction import solve_from_polyhedral_friction
-from meeframe.system.capabilities import EdgeResolution
 
 SolveFrom = Callable[[float, ContactState | None], Solution | None]
 """Solves an increment under a fraction of the change of its load, from an initial guess or, with None, the usual one.
@@ -124,12 +123,12 @@ def solve_persistently(
     def solve_eased(start: ContactState | None, easing: Easing, approach: float | None = None) -> Solution:
         return solve(replace(brief, start=start, easing=easing, approach=approach))
 
+    def by_polyhedral_friction(failed: Solution) -> _Outcome:
+        return solve_from_polyhedral_friction(solve_eased, failed, tolerance), ""
+
     def by_capped_friction(failed: Solution) -> _Outcome:
         solution, ratio = solve_by_capped_friction(solve_eased, failed, tolerance)
         return solution, f"with friction of at most {ratio:.3g} times the pressure {_STATE}" if ratio > 0.0 else ""
-
-    def by_polyhedral_friction(failed: Solution) -> _Outcome:
-        return solve_from_polyhedral_friction(solve_eased, failed, tolerance), ""
 
     def by_longer_attempt(failed: Solution) -> _Outcome:
         return solve(Attempt(stores=stores)), ""
@@ -165,8 +164,8 @@ def solve_persistently(
         return last
     increment, sentences = last.increment, list[str]()
     for strategy, applies in (
-        (by_capped_friction, has_large_friction),
         (by_polyhedral_friction, has_large_friction),
+        (by_capped_friction, has_large_friction),
         (by_longer_attempt, is_brief),
         (by_scaled_conduction, conducting(increment.problem)),
         (by_approach, "normal_force" in increment.prescribed and _may_attract(increment.problem)),
@@ -253,9 +252,8 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Sol
         )
 
     problem = failed.increment.problem
-    resolves_edges = problem.area_fraction is not None or problem.system.capability(EdgeResolution) is not None
     solution, path = raised(Easing(at_nodes=True), failed)
-    if solution is not None and resolves_edges:
+    if solution is not None and resolves_edge(problem):
         at_nodes = solution.end.state
         before, solution = solution, solve(at_nodes, EXACT)
         solution = solution.with_result(iterations=before.result.iterations + solution.result.iterations)

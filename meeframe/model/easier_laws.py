@@ -9,6 +9,7 @@ from meeframe.contact.conduction import MIN_TRACTION
 from meeframe.contact.problem import ContactProblem, ContactState
 from meeframe.fields import Array
 from meeframe.laws.base import ConductivityLaw, ContactLaw, StepLengths, attraction, resolve
+from meeframe.system.capabilities import EdgeResolution
 
 
 @dataclass(frozen=True)
@@ -191,3 +192,8 @@ class Easing:
 
 EXACT: Final = Easing()
 """No change."""
+
+
+def resolves_edge(problem: ContactProblem) -> bool:
+    """Return whether the contact edge of a problem lies between nodes, or may do so."""
+    return problem.area_fraction is not None or problem.system.capability(EdgeResolution) is not None

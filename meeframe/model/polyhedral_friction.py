@@ -10,7 +10,8 @@ that follows it:
     resultant - prescribed = 0                 motion of the indenter.
 
 Lemke's method finds a solution even if states turn back many times as the load or the friction grows, where Newton's
-method has no initial guess. The directions are then refined around those of the friction found.
+method has no initial guess. Resistances, attraction and compliance of the contact are those of the state before; the
+fluxes are eliminated. From one solution to the next, directions are refined around those of the friction found.
 """
 
 from dataclasses import replace
@@ -19,21 +20,16 @@ from typing import Final
 import numpy as np
 
 from meeframe.common.complementarity import solve_complementarity
+from meeframe.contact.conduction import conducting
 from meeframe.contact.problem import ContactProblem, ContactState, Iterate, contact_gap
-from meeframe.contact.residual import NEGLIGIBLE_PRESSURE, evaluate
+from meeframe.contact.residual import NEGLIGIBLE_PRESSURE, evaluate, law_residual, state_resistances
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import MECHANICAL, N_MECHANICAL, NORMAL, POTENTIALS, Array, Indices
-from meeframe.laws.base import (
-    ContactLaw,
-    attraction,
-    augmented_traction,
-    fixed_point_map,
-    has_resolvent,
-    resolve,
-)
+from meeframe.laws.base import ContactLaw, attraction, augmented_traction, has_resolvent, resolve
 from meeframe.model.biactive_friction import SolveEased, solve_with_biactive_friction
-from meeframe.model.easier_laws import CappedLaw, Easing
+from meeframe.model.easier_laws import EXACT, CappedLaw, Easing, resolves_edge
 from meeframe.model.kinematics import Solution
+from meeframe.solvers.conduction.elimination import Elimination, Response
 
 _FIRST_RATIO: Final = 1.0
 """Ratio of friction to pressure of a state that is easily found."""
@@ -49,9 +45,9 @@ _REFINEMENT: Final = 0.4
 """Factor of the angle that these span, from one solution to the next."""
 _MAX_REFINEMENTS: Final = 12
 _MAX_IDLE: Final = 4
-"""Number of refinements, in all, and in a row without a smaller violation."""
-_MAX_VIOLATION: Final = 1e-4
-"""Largest violation of the friction laws, relative to the characteristic pressure, at which directions are accurate."""
+"""Number of refinements, in all, and in a row without a smaller residual."""
+_MAX_RESIDUAL: Final = 1e-4
+"""Largest residual at which directions, resistances, attraction and compliance are accurate."""
 _LARGE_PRESSURE: Final = 1e6
 """Pressure, in characteristic ones, at which friction no longer grows."""
 _PERTURBATION: Final = 1e-8, 1e-6
@@ -73,17 +69,35 @@ def solve_from_polyhedral_friction(solve: SolveEased, failed: Solution, toleranc
     Solution or None
         The solution; None if it is not found, or if more than 100 nodes may touch.
     """
+    if not resolves_edge(failed.increment.problem):
+        return _solve(solve, failed, tolerance)
+    at_nodes = _solve(solve, failed, tolerance, Easing(at_nodes=True))
+    if at_nodes is None:
+        return None
+    solution = solve(at_nodes.end.state, EXACT)
+    solution = solution.with_result(iterations=at_nodes.result.iterations + solution.result.iterations)
+    if solution.is_converged:
+        return solution
+    return _solve(solve, solution, tolerance, Easing(edge_of=at_nodes.end.state))
+
+
+def _solve(solve: SolveEased, failed: Solution, tolerance: float, edge: Easing = EXACT) -> Solution | None:
+    """Return the solution of an increment with the contact edge of `edge`, or None."""
+
+    def solve_eased(start: ContactState | None, easing: Easing) -> Solution:
+        return solve(start, replace(easing, at_nodes=edge.at_nodes, edge_of=edge.edge_of))
+
     exact, iterations = failed.increment.problem, failed.result.iterations
-    last = solve(None, Easing(_FIRST_RATIO))
+    last = solve_eased(None, Easing(_FIRST_RATIO))
     iterations += last.result.iterations
     for ratio in _RATIOS:
         known = last.end.state if last.is_converged else None
         guess = polyhedral_state(last.increment.problem, exact.contact_law, ratio, known)
         if guess is None:
             continue
-        capped = solve(guess, Easing(ratio))
+        capped = solve_eased(guess, Easing(ratio))
         if capped.is_converged:
-            solution = solve_with_biactive_friction(solve, capped, ratio, exact, tolerance)
+            solution = solve_with_biactive_friction(solve_eased, capped, ratio, exact, tolerance)
             if solution is not None:
                 return solution.with_result(iterations=iterations + solution.result.iterations)
             last = capped
@@ -105,33 +119,33 @@ def polyhedral_state(
     ratio : float
         Largest friction over the pressure.
     known : ContactState, optional
-        State whose fluxes, attraction and compliance of the contact are taken; by default there are none.
+        State whose resistances, attraction and compliance of the contact are the first ones; by default nothing
+        conducts, attracts or yields at first.
 
     Returns
     -------
     ContactState or None
-        The state, with the fluxes and potentials of the known one. None if no matrix is stored, no node or too many may
-        touch, or Lemke's method finds no state.
+        The state, without heat that friction generates. None if no matrix is stored, no node or too many may touch, or
+        Lemke's method finds no state.
     """
-    if problem.system.dense() is None or not 0.0 < problem_scales(problem).pressure < np.inf:
+    scales = problem_scales(problem)
+    if problem.system.dense() is None or not 0.0 < scales.pressure < np.inf:
         return None
     problem = replace(problem, contact_law=CappedLaw(law, ratio))
-    frozen = _Frozen(problem, law, ratio, known)
     around = np.tile(2.0 * np.pi * np.arange(_N_DIRECTIONS) / _N_DIRECTIONS, (len(problem.gap), 1))
     directions, span = around, 2.0 * np.pi / _N_DIRECTIONS
-    best, least, idle = None, np.inf, 0
+    best, least, idle, state = None, np.inf, 0, known
     for _ in range(_MAX_REFINEMENTS):
-        state = frozen.state(directions)
+        state = _Frozen(problem, law, ratio, state).state(directions)
         if state is None:
             break
-        gap = contact_gap(problem, state.displacement, state.motion)
-        violation = frozen.violation(state, gap)
-        idle = 0 if violation < least else idle + 1
-        if violation < least:
-            best, least = state, violation
-        if violation < _MAX_VIOLATION or idle == _MAX_IDLE:
+        residual = law_residual(problem, state, scales)
+        idle = 0 if residual < least else idle + 1
+        if residual < least:
+            best, least = state, residual
+        if residual < _MAX_RESIDUAL or idle == _MAX_IDLE:
             break
-        friction = state.load[:, :2]
+        friction, gap = state.load[:, :2], contact_gap(problem, state.displacement, state.motion)
         along = np.where(np.any(friction, axis=1, keepdims=True), friction, gap[:, :2])
         angle = np.arctan2(along[:, 1], along[:, 0])
         directions = np.column_stack([around, angle[:, None] + span * np.linspace(-1.0, 1.0, _N_REFINED)])
@@ -140,7 +154,7 @@ def polyhedral_state(
 
 
 class _Frozen:
-    """Contact problem with the fluxes, attraction and compliance of the contact of a known state.
+    """Contact problem with the resistances, attraction and compliance of the contact of a known state.
 
     Attributes
     ----------
@@ -149,43 +163,50 @@ class _Frozen:
     """
 
     def __init__(self, problem: ContactProblem, law: ContactLaw, ratio: float, known: ContactState | None) -> None:
-        n, scales, matrix = len(problem.gap), problem_scales(problem), problem.system.dense()
-        assert matrix is not None
-        self._problem, self._matrix, self._pressure = problem, matrix, scales.pressure
+        n, scales = len(problem.gap), problem_scales(problem)
+        self._problem, self._pressure = problem, scales.pressure
         self._unit, self._r = scales.normal_compliance * scales.pressure, (1.0 / scales.normal_compliance,) * 2
         self._modes = [k for k, each in enumerate(problem.prescribed_resultants) if not each.electromagnetic]
         self._motion = np.zeros(len(problem.prescribed_resultants)) if known is None else known.motion.copy()
         self._motion[self._modes] = 0.0
         self._load, closure = np.zeros((n, problem.fields.size)), np.zeros(n)
+        resistance = np.full((n, len(problem.channels)), np.inf)
         may_touch = np.isfinite(problem.gap)
         if known is not None:
-            gap = contact_gap(problem, known.displacement, known.motion)[:, NORMAL]
-            self._load[:, NORMAL], self._load[:, POTENTIALS] = attraction(law, gap), known.load[:, POTENTIALS]
-            may_touch &= (gap < scales.displacement[NORMAL]) | known.load[:, MECHANICAL].any(axis=1)
-            pressure = self._load[:, NORMAL] - known.load[:, NORMAL]
-            yields = np.flatnonzero((pressure > 0.0) & (gap < 0.0))
-            if has_resolvent(law) and len(yields):
-                ratios = -gap[yields] / pressure[yields]
-                closure[:], closure[yields] = np.median(ratios), ratios
+            gap = contact_gap(problem, known.displacement, known.motion)
+            self._load[:, NORMAL] = attraction(law, gap[:, NORMAL])
+            may_touch &= (gap[:, NORMAL] < scales.displacement[NORMAL]) | known.load[:, MECHANICAL].any(axis=1)
+            if conducting(problem):
+                resistance = state_resistances(problem, known)
+            if has_resolvent(law):
+                trial = augmented_traction(law, known.load[:, MECHANICAL], gap, self._r)
+                pressure = -resolve(law, trial, gap, self._r)[:, NORMAL]
+                yields = np.flatnonzero(pressure > 0.0)
+                ratios = (-trial[yields, NORMAL] / pressure[yields] - 1.0) / self._r[0]
+                closure[:], closure[yields] = np.median(ratios) if len(yields) else 0.0, ratios
         self.nodes: Indices = np.flatnonzero(may_touch)
         self._closure = closure / scales.normal_compliance
-        fixed = contact_gap(problem, problem.system.offset + problem.system.apply(self._load), self._motion)
+        self._elimination = Elimination.of(problem)
+        self._conductors = self._elimination.prepare(resistance, None)
+        displacement = np.zeros_like(self._load)
+        displacement[:, MECHANICAL] = self._response(self._load[:, MECHANICAL]).displacement
+        fixed = contact_gap(problem, displacement, self._motion)
         self._gap = np.where(np.isfinite(fixed), fixed, 0.0) / self._unit
         negligible = NEGLIGIBLE_PRESSURE * self._pressure
         self._ratio = np.minimum(ratio, self._friction(law, negligible) / negligible)
         self._limit = self._friction(law, _LARGE_PRESSURE * self._pressure) / self._pressure
 
+    def _response(self, traction: Array, total: bool = True) -> Response:
+        """Return the response of the body to tractions (n, 3), with that to offsets and potentials if it is total."""
+        conductors, flux = self._conductors, np.zeros_like(self._conductors.resistance)
+        if not total:
+            return self._elimination.respond(traction, conductors, flux)
+        return self._elimination.state(traction, conductors, flux, np.zeros(len(conductors.floating.totals)))
+
     def _friction(self, law: ContactLaw, pressure: float) -> Array:
         """Return the largest friction (n,) [Pa] of a law under a pressure [Pa]."""
         trial = np.tile([_LARGE_PRESSURE**2 * self._pressure, 0.0, -pressure], (len(self._load), 1))
         return np.asarray(np.linalg.norm(resolve(law, trial, np.zeros_like(trial), self._r)[:, :2], axis=1))
-
-    def violation(self, state: ContactState, gap: Array) -> float:
-        """Return the largest violation of friction by a state with gaps (n, 3), in characteristic pressures."""
-        traction, law = state.load[:, MECHANICAL], self._problem.contact_law
-        trial = augmented_traction(law, traction, gap, self._r)
-        change = traction - fixed_point_map(law, trial, gap, self._r)
-        return float(np.abs(change[:, :2]).max()) / self._pressure
 
     def state(self, angles: Array) -> ContactState | None:
         """Return the state with friction along directions at angles (n, k) of each node; None if it is not found."""
@@ -215,6 +236,9 @@ class _Frozen:
             return None
         load, motion, n_loads = self._load.copy(), self._motion.copy(), base.shape[1]
         load[self.nodes, MECHANICAL] += self._pressure * (base @ solution[:n_loads]).reshape(m, N_MECHANICAL)
+        response = self._response(load[:, MECHANICAL])
+        load[:, POTENTIALS] = response.flux
+        motion[self._conductors.floating.numbers] = response.potential
         there, back = solution[len(solution) - 2 * len(units) :].reshape(2, -1)
         motion[self._modes] += units * (there - back)
         contact_fraction = np.zeros(len(load))
@@ -230,7 +254,7 @@ class _Frozen:
         nodes, n_loads = self.nodes, base.shape[1]
         limit = self._limit[nodes]
         limited = np.flatnonzero(limit < _LARGE_PRESSURE)
-        compliance = self._matrix[nodes, MECHANICAL][:, :, nodes, MECHANICAL]
+        compliance = self._compliance()
         loads = base.T @ (compliance.reshape(len(base), -1) * (self._pressure / self._unit)) @ base
         pressures = slice(0, n_loads, 1 + k)
         loads[pressures, pressures] += np.diag(self._closure[nodes])
@@ -248,6 +272,17 @@ class _Frozen:
         )
         strength = np.repeat([_PERTURBATION[0], _PERTURBATION[1], _PERTURBATION[0], 0.0], sizes)
         return matrix, right + strength * np.random.default_rng(_SEED).uniform(0.5, 1.0, len(right)), units
+
+    def _compliance(self) -> Array:
+        """Return the compliance (m, 3, m, 3) of the nodes that may touch, with the potentials eliminated."""
+        nodes = self.nodes
+        compliance = np.zeros((len(nodes), N_MECHANICAL) * 2)
+        for number, node in enumerate(nodes.tolist()):
+            for axis in range(N_MECHANICAL):
+                traction = np.zeros((len(self._load), N_MECHANICAL))
+                traction[node, axis] = 1.0
+                compliance[:, :, number, axis] = self._response(traction, total=False).displacement[nodes]
+        return compliance
 
     def _free_motions(self, base: Array) -> tuple[Array, Array, Array, Array]:
         """Return gaps per motion and resultants per load, (motions, loads), units of motions, and missing totals."""

@@ -1,6 +1,7 @@
 """Friction of nodes that touch without pressure, where its limit jumps, against closed forms of a single node."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -118,6 +119,32 @@ def test_biactive_friction_is_found_from_a_smaller_multiple_where_pressures_are_
     assert solution is not None
     assert ratios[0] == reached == 1e6
     assert 1e4 < ratios[-1] < 1e6
+    np.testing.assert_allclose(solution.end.state.load[NODE, :3], [-0.9 * LIMIT, 0.0, 0.0], atol=1e-8)
+
+
+def test_round_off_grows_with_the_multiple_of_the_pressure(increments):
+    """A smaller multiple is more accurate, from the state nearby."""
+    problem = single_node(Tresca(LIMIT))
+    solve_eased, failed = increments(problem)
+    ratios = []
+
+    def attempt(start, easing):
+        solution = solve_eased(start, easing)
+        if easing.ratio == np.inf:
+            return solution.with_result(status=Status.STALLED)
+        if easing.pull is not None:
+            ratios.append(easing.ratio)
+            displacement = solution.end.state.displacement + 1e-14 * easing.ratio
+            solution = solution._replace(
+                end=SimpleNamespace(state=replace(solution.end.state, displacement=displacement))
+            )
+        return solution
+
+    solution, _ = solve_by_capped_friction(attempt, failed, 1e-10)
+    assert solution is not None
+    assert solution.result.residual < 1e-10
+    assert ratios[0] == 1e6
+    assert ratios[-1] <= 1e4
     np.testing.assert_allclose(solution.end.state.load[NODE, :3], [-0.9 * LIMIT, 0.0, 0.0], atol=1e-8)
 
 

@@ -21,15 +21,24 @@ NEARLY = 1e-3
 """Residual of a state whose directions of friction are refined."""
 
 
-def strongly_coupled(law, seed=0, slip=1.0):
-    """Return a problem on 25 nodes in which shear lifts and presses nodes as much as pressure does."""
+def strongly_coupled(law, seed=0, slip=1.0, conductivity=(0.0, 0.0)):
+    """Return a problem on 25 nodes in which shear lifts and presses nodes as much as pressure does.
+
+    conductivity: electric and magnetic one in contact; fluxes then deform the surface as tractions do.
+    """
     rng = np.random.default_rng(seed)
     system = half_space_system(-np.eye(3), 1.0, 5)
-    factor = rng.normal(size=(75, 75))
-    matrix = np.zeros_like(system.matrix)
-    matrix[:, :3, :, :3] = (factor @ factor.T / 75.0 + 0.2 * np.eye(75)).reshape(25, 3, 25, 3)
-    matrix[:, 3:, :, 3:] = system.matrix[:, 3:, :, 3:]
-    problem = indentation_problem(replace(system, matrix=matrix), rng.uniform(0.0, 0.5, 25), 0.3, law)
+    fields = 5 if any(conductivity) else 3
+    factor = rng.normal(size=(25 * fields, 25 * fields))
+    matrix = system.matrix.copy()
+    matrix[:, :fields, :, :fields] = (factor @ factor.T / len(factor) + 0.2 * np.eye(len(factor))).reshape(
+        25, fields, 25, fields
+    )
+    matrix[:, :3, :, fields:], matrix[:, fields:, :, :3] = 0.0, 0.0
+    potentials = (0.1, -0.1)
+    problem = indentation_problem(
+        replace(system, matrix=matrix), rng.uniform(0.0, 0.5, 25), 0.3, law, conductivity, potentials
+    )
     return replace(problem, translation=slip * rng.normal(size=(25, 2)))
 
 
@@ -44,17 +53,39 @@ def test_states_nearly_satisfy_the_capped_law(law, ratio):
     np.testing.assert_allclose(state.displacement, problem.system.offset + problem.system.apply(state.load))
 
 
+@pytest.mark.parametrize("is_known", [False, True])
 @pytest.mark.parametrize("law", [DMT(0.02, 1.0, mu=np.inf), Compliant(1.0, 0.1, 1.5, mu=np.inf)])
-def test_attraction_and_compliance_are_those_of_the_known_state(law):
-    """They agree with the law where that state is the solution."""
+def test_attraction_and_compliance_are_those_of_the_state(law, is_known):
     problem = strongly_coupled(law)
     eased = Easing(2.0).apply(problem)
     known = solve(eased, Auto())
     assert known.status is Status.CONVERGED
-    state = polyhedral_state(problem, law, 2.0, known.state)
+    state = polyhedral_state(problem, law, 2.0, known.state if is_known else None)
     assert state is not None
     assert law_residual(eased, state, problem_scales(eased)) < NEARLY
     assert (state.load[:, 2] > 0.0).any() == isinstance(law, DMT)
+
+
+@pytest.mark.parametrize("conductivity", [(0.5, 0.0), (0.5, np.inf)])
+def test_fluxes_are_those_of_the_state(conductivity):
+    problem = strongly_coupled(IsotropicCoulomb(np.inf), 1, conductivity=conductivity)
+    eased = Easing(2.0).apply(problem)
+    state = polyhedral_state(problem, problem.contact_law, 2.0, None)
+    assert state is not None
+    assert law_residual(eased, state, problem_scales(eased)) < NEARLY
+    assert state.load[:, 3:].any(axis=0).tolist() == [True, conductivity[1] > 0.0]
+
+
+def test_a_prescribed_flux_is_conducted():
+    problem = strongly_coupled(IsotropicCoulomb(np.inf), conductivity=(0.5, 0.0))
+    mode = np.zeros((25, 5))
+    mode[:, 3] = -1.0
+    prescribed = PrescribedResultant(mode, mode, problem.system.weights, 0.02)
+    eased = Easing(2.0).apply(replace(problem, prescribed_resultants=(prescribed,)))
+    state = polyhedral_state(eased, problem.contact_law, 2.0, None)
+    assert state is not None
+    assert law_residual(eased, state, problem_scales(eased)) < NEARLY
+    assert prescribed.of_load(state.load) == pytest.approx(0.02)
 
 
 def test_a_prescribed_force_is_borne():
