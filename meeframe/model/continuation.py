@@ -43,16 +43,18 @@ _FINAL: Final = (Status.CONVERGED, Status.ITERATION_LIMIT)
 """Status of an increment for which no other way is sought."""
 LARGE_RATIO: Final = 10.0
 """Ratio of friction to pressure from which friction counts as large."""
-_RATIOS: Final = (LARGE_RATIO, 1e6, np.inf)
-"""Ratios of friction to pressure by which large friction is replaced: the first, the last, and the law itself."""
-_CONDUCTION_FACTORS: Final = (1e-6, 1.0, 1.0)
-"""Factors of conductivities that are too large to begin with, likewise."""
+_RATIOS: Final = (LARGE_RATIO, 1.0, 1e6, np.inf)
+"""Ratios of friction to pressure by which large friction is replaced: the first, the least and the largest one, and that
+of the law itself."""
+_RISES: Final = (0.1, 1e-6, 1e10, np.inf)
+"""Rises of conductivities that are too large, or begin too suddenly, likewise."""
 _FACTORS: Final = (10.0, 1.05)
 """First and least factor by which these values are raised."""
-_MIN_FIRST: Final = 1.0
-"""Value by which the first one is replaced where that fails, if it is less."""
-_MAX_VALUES: Final = 40
-"""Number of values that are tried."""
+_MIN_EXTRAPOLATED: Final = 1.0
+"""Least value at which states are extrapolated."""
+_MAX_VALUES: Final = 60
+_MAX_APPROACHES: Final = 40
+"""Number of values, and of approaches, that are tried."""
 _APPROACH_STEPS: Final = 1.0 / 16.0, 1.0 / 4096.0
 """First and least step of the approach, in displacements that the load causes."""
 _STEP_GROWTH: Final = 1.5
@@ -133,9 +135,10 @@ def solve_persistently(
     def by_longer_attempt(failed: Solution) -> _Outcome:
         return solve(Attempt(stores=stores)), ""
 
-    def by_scaled_conduction(failed: Solution) -> _Outcome:
-        solution, factor = solve_by_scaled_conduction(solve_eased, failed)
-        return solution, f"with {factor:.3g} times the conductivities {_STATE}" if factor > 0.0 else ""
+    def by_gradual_conduction(failed: Solution) -> _Outcome:
+        solution, pressure = solve_by_gradual_conduction(solve_eased, failed)
+        words = f"with conductivities that rise over {pressure:.3g} Pa there is a state, over less none was found"
+        return solution, words if pressure < np.inf else ""
 
     def by_approach(failed: Solution) -> _Outcome:
         return solve_by_approach(solve_eased, failed)
@@ -167,7 +170,7 @@ def solve_persistently(
         (by_polyhedral_friction, has_large_friction),
         (by_capped_friction, has_large_friction),
         (by_longer_attempt, is_brief),
-        (by_scaled_conduction, conducting(increment.problem)),
+        (by_gradual_conduction, conducting(increment.problem)),
         (by_approach, "normal_force" in increment.prescribed and _may_attract(increment.problem)),
         (by_fractions, True),
     ):
@@ -209,13 +212,11 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: flo
 
     solution, path = _raise_value(by_ratio, failed, _RATIOS)
     if not path and conducting(failed.increment.problem):
-        eased, _ = _raise_value(
-            lambda start, factor: solve(start, Easing(_RATIOS[0], factor)), failed, _CONDUCTION_FACTORS
-        )
+        eased, _ = _raise_value(lambda start, rise: solve(start, Easing(_RATIOS[0], rise)), failed, _RISES)
         if eased is not None:
             solution, path = _raise_value(by_ratio, eased, _RATIOS, eased.end.state)
     if solution is not None:
-        return with_biactive_nodes(solution, _RATIOS[1]), np.inf
+        return with_biactive_nodes(solution, _RATIOS[2]), np.inf
     highest, problem = path[-1][0] if path else 0.0, failed.increment.problem
     while path and limit_jumps(problem.contact_law, len(problem.gap)):
         ratio, capped = path[-1]
@@ -223,15 +224,16 @@ def solve_by_capped_friction(solve: SolveEased, failed: Solution, tolerance: flo
         if solution is not None:
             return solution, highest
         # smaller multiples are further, but vary less; under the last one, pressures are nearly too small to be found
-        path = path[:-1] if ratio >= _RATIOS[1] else path[: len(path) // 2]
+        path = path[:-1] if ratio >= _RATIOS[2] else path[: len(path) // 2]
     return None, highest
 
 
-def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Solution | None, float]:
-    """Return the solution of an increment from states with smaller conductivities; None if it is not found.
+def solve_by_gradual_conduction(solve: SolveEased, failed: Solution) -> tuple[Solution | None, float]:
+    """Return the solution of an increment from states with gradual conductivities; None if it is not found.
 
-    With contact edges between nodes, the conductivities are raised at nodes first, and then, if need be, once more with
-    the edge of the solution at nodes: an edge that moved with the conductivities would move in jumps.
+    They rise with the pressure over a smaller and smaller one. With contact edges between nodes, this is done at nodes
+    first, and then, if need be, once more with the edge of the solution at nodes: an edge that moved with the
+    conductivities would move in jumps.
 
     Parameters
     ----------
@@ -243,13 +245,12 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Sol
     Solution or None
         The solution.
     float
-        Largest fraction of the conductivities under which a state was found; 0 if there is none.
+        Smallest pressure [Pa] over which conductivities rise in a state that was found; inf if there is none, and 0 for
+        the solution.
     """
 
     def raised(easing: Easing, before: Solution) -> tuple[Solution | None, list[tuple[float, Solution]]]:
-        return _raise_value(
-            lambda start, factor: solve(start, replace(easing, factor=factor)), before, _CONDUCTION_FACTORS
-        )
+        return _raise_value(lambda start, rise: solve(start, replace(easing, rise=rise)), before, _RISES)
 
     problem = failed.increment.problem
     solution, path = raised(Easing(at_nodes=True), failed)
@@ -261,8 +262,8 @@ def solve_by_scaled_conduction(solve: SolveEased, failed: Solution) -> tuple[Sol
             # heat that moves the surface moves the edge once more
             solution, path = (None, path) if heat_moves_surface(problem) else raised(Easing(edge_of=at_nodes), solution)
     if solution is None:
-        return None, path[-1][0] if path else 0.0
-    return solution.with_sentences("from a state with smaller conductivities"), 1.0
+        return None, problem_scales(problem).pressure / path[-1][0] if path else np.inf
+    return solution.with_sentences("from a state with gradual conductivities"), 0.0
 
 
 def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solution | None, str]:
@@ -289,8 +290,8 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
     (column,) = range(N_RIGID)[RIGID_MOTIONS["approach"]]
     approach, force = float(planned.base[column]), float(planned.prescribed["normal_force"].item())
 
-    def at_nodes(approach: float, start: ContactState | None, factor: float = 1.0) -> Solution:
-        return solve(start, Easing(factor=factor, at_nodes=True), approach)
+    def at_nodes(approach: float, start: ContactState | None, rise: float = np.inf) -> Solution:
+        return solve(start, Easing(rise=rise, at_nodes=True), approach)
 
     def force_of(solution: Solution) -> float:
         return float(solution.end.resultants[column])
@@ -298,13 +299,13 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
     first = at_nodes(approach, None)
     solution: Solution | None = first
     if not first.is_converged:
-        solution, _ = _raise_value(lambda start, factor: at_nodes(approach, start, factor), first, _CONDUCTION_FACTORS)
+        solution, _ = _raise_value(lambda start, rise: at_nodes(approach, start, rise), first, _RISES)
     if solution is None:
         return None, ""
     iterations += solution.result.iterations
     sign, passed, untried = np.sign(force - force_of(solution)), "", [solution]
     step, least = (depth * problem_scales(planned.problem).displacement[2] for depth in _APPROACH_STEPS)
-    for _ in range(_MAX_VALUES):
+    for _ in range(_MAX_APPROACHES):
         if step < least:
             break
         further = at_nodes(approach + sign * step, solution.end.state)
@@ -335,17 +336,17 @@ def solve_by_approach(solve: SolveApproached, failed: Solution) -> tuple[Solutio
 def _raise_value(
     solve: Callable[[ContactState | None, float], Solution],
     before: Solution,
-    values: tuple[float, float, float],
+    values: tuple[float, float, float, float],
     start: ContactState | None = None,
 ) -> tuple[Solution | None, list[tuple[float, Solution]]]:
     """Return the solution at the last value of a parameter, None if it is not found, and those at values before.
 
-    before: solution whose iterations count, too; values: first one, last but one, and last; start: initial guess at the
-    first one.
+    before: solution whose iterations count, too; values: first one, least and largest one, and that of the laws; start:
+    initial guess at the first one.
     """
-    value, most, last = values
+    value, least, most, last = values
     path: list[tuple[float, Solution]] = []
-    iterations, factor, least = before.result.iterations, _FACTORS[0], min(value, _MIN_FIRST)
+    iterations, factor = before.result.iterations, _FACTORS[0]
     for _ in range(_MAX_VALUES):
         solution = solve(_extrapolated(path, value) if path else start, value)
         iterations += solution.result.iterations
@@ -370,7 +371,7 @@ def _raise_value(
 def _extrapolated(path: list[tuple[float, Solution]], value: float) -> ContactState | None:
     """Return a guess of the state at a value, extrapolated from the last two linearly in the reciprocal of values."""
     (highest, latest), state = path[-1], path[-1][1].end.state
-    if len(path) == 1 or state is None or value < _MIN_FIRST:
+    if len(path) == 1 or state is None or value < _MIN_EXTRAPOLATED:
         return state
     before, earlier = path[-2][0], path[-2][1].end.state
     if earlier is None or latest is None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from meeframe.contact.conduction import MIN_TRACTION
 from meeframe.contact.problem import ContactProblem, ContactState
+from meeframe.contact.scales import problem_scales
 from meeframe.fields import Array
 from meeframe.laws.base import ConductivityLaw, ContactLaw, StepLengths, attraction, resolve
 from meeframe.system.capabilities import EdgeResolution
@@ -113,8 +114,29 @@ class AttractedConductivityAcrossGap(AttractedConductivity):
 
 
 @dataclass(frozen=True)
+class GradualLaw(ConductivityLaw):
+    """A law of conductivity that rises gradually from zero with the pressure, also where the law jumps or is steep.
+
+    Attributes
+    ----------
+    law : ConductivityLaw
+        The law.
+    pressure : float
+        Pressure [Pa] at which half the conductivity of the law is reached.
+    """
+
+    law: ConductivityLaw
+    pressure: float
+
+    def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
+        """Return the conductivity times p / (p + pressure), (n,); perfect conductors remain what they are."""
+        kappa, pressure = self.law.conductivity(normal_traction, gap, drop), np.maximum(-normal_traction, 0.0)
+        return np.where(np.isinf(kappa), kappa, kappa * (pressure / (pressure + self.pressure)))
+
+
+@dataclass(frozen=True)
 class ScaledLaw(ConductivityLaw):
-    """A multiple of a law of conductivity.
+    """A multiple of a law of conductivity that depends on the gap or the drop.
 
     Attributes
     ----------
@@ -126,16 +148,11 @@ class ScaledLaw(ConductivityLaw):
 
     law: ConductivityLaw
     factor: float
+    across_gap = True
 
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """Return the multiple of the conductivity, (n,)."""
         return self.factor * self.law.conductivity(normal_traction, gap, drop)
-
-
-class ScaledLawAcrossGap(ScaledLaw):
-    """A multiple of a law of conductivity that depends on the gap or the drop."""
-
-    across_gap = True
 
 
 @dataclass(frozen=True)
@@ -146,8 +163,9 @@ class Easing:
     ----------
     ratio : float, optional
         Largest friction over the pressure.
-    factor : float, optional
-        Factor of all conductivities.
+    rise : float, optional
+        Characteristic pressure over the one at which half a conductivity is reached. Conductivities across gaps are
+        multiplied by rise / (1 + rise).
     pull : Array, optional
         (n,), attraction that cancels the pressure of nodes whose friction is the largest one [Pa].
     at_nodes : bool, optional
@@ -157,7 +175,7 @@ class Easing:
     """
 
     ratio: float = np.inf
-    factor: float = 1.0
+    rise: float = np.inf
     pull: Array | None = None
     at_nodes: bool = False
     edge_of: ContactState | None = None
@@ -167,12 +185,16 @@ class Easing:
         if self.pull is not None:
             return self._with_pull(problem, self.pull)
         law = problem.contact_law if self.ratio == np.inf else CappedLaw(problem.contact_law, self.ratio)
-        if self.factor == 1.0:
+        if self.rise == np.inf:
             return replace(problem, contact_law=law)
-        kinds = (ScaledLawAcrossGap if channel.law.across_gap else ScaledLaw for channel in problem.channels)
+        pressure, factor = problem_scales(problem).pressure / self.rise, self.rise / (1.0 + self.rise)
         channels = (
-            replace(channel, law=kind(channel.law, self.factor)) if channel.is_conducting else channel
-            for channel, kind in zip(problem.channels, kinds, strict=True)
+            replace(channel, law=ScaledLaw(channel.law, factor))
+            if channel.law.across_gap
+            else replace(channel, law=GradualLaw(channel.law, pressure))
+            if channel.is_conducting
+            else channel
+            for channel in problem.channels
         )
         return replace(problem, contact_law=law, channels=tuple(channels))
 

@@ -7,21 +7,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from meeframe_laws.adhesive import DMT
+from meeframe_laws.conductivity import AcrossGap
 from meeframe_laws.friction import Tresca
 
 from meeframe.contact.problem import ContactProblem, ContactState, Status
 from meeframe.contact.scales import problem_scales
 from meeframe.fields import Array, Indices
-from meeframe.laws import IsotropicCoulomb
+from meeframe.laws import IsotropicCoulomb, StepConductivity
 from meeframe.laws.base import attraction, augmented_traction, fixed_point_map, is_adhesive
 from meeframe.model.continuation import (
     solve_by_approach,
     solve_by_capped_friction,
     solve_by_continuation,
-    solve_by_scaled_conduction,
+    solve_by_gradual_conduction,
     solve_persistently,
 )
-from meeframe.model.easier_laws import CappedLaw, Easing
+from meeframe.model.easier_laws import CappedLaw, Easing, GradualLaw
 from meeframe.model.kinematics import Solution
 from meeframe.testing.half_space import half_space_system, indentation_problem
 
@@ -93,8 +94,15 @@ class Planned:
     free: Indices = field(default_factory=lambda: np.zeros(1, np.intp))
 
 
+def fraction(rise):
+    """Return the fraction of a conductivity under the characteristic pressure."""
+    return 1.0 / (1.0 + 1.0 / rise)
+
+
 class Eased:
-    """Increments under easier laws, solved from states whose friction ratio and factor are within a ratio of theirs.
+    """Increments under easier laws, solved from states whose friction ratio and rise are within a ratio of theirs.
+
+    A rise counts as rise / (1 + rise), the fraction of the conductivities under the characteristic pressure.
 
     They are solved from the usual guess up to a product of both, and are not solved beyond another.
     """
@@ -105,7 +113,7 @@ class Eased:
 
     def solve(self, start, easing: Easing):
         self.easings.append(easing)
-        level = easing.ratio * easing.factor
+        level = easing.ratio * fraction(easing.rise)
         from_level = self._alone if start is None else -start.load[0, 2] * self._reach
         solved = level <= min(from_level, self._most)
         load = np.zeros((25, 5))
@@ -161,9 +169,10 @@ def test_an_unsolved_increment_names_the_conduction_up_to_which_there_is_a_state
     solve = lambda attempt: increments.solve(attempt.start, replace(attempt.easing, ratio=1.0))  # noqa: E731
     result = solve_persistently(solve, 10, has_large_friction=False, stores=False, tolerance=1e-10).result
     assert result.status is Status.STALLED
-    words = re.search(r"with (\S+) times the conductivities there is a state, with more none", result.message)
+    words = re.search(r"conductivities that rise over (\S+) Pa there is a state, over less none", result.message)
     assert words is not None
-    assert float(words[1]) == pytest.approx(0.05, rel=0.1)
+    rise = problem_scales(coupled).pressure / float(words[1])
+    assert fraction(rise) == pytest.approx(0.05, rel=0.1)
 
 
 def test_conduction_is_raised_first_where_even_little_friction_fails(synthetic, coupled):
@@ -171,10 +180,15 @@ def test_conduction_is_raised_first_where_even_little_friction_fails(synthetic, 
     failed = increments.solve(None, Easing())
     increments.easings.clear()
     assert solve_by_capped_friction(increments.solve, failed, 1e-10)[0] is None
-    first = increments.easings.index(Easing(10.0, 1e-6))
-    assert all(easing.factor == 1.0 for easing in increments.easings[:first])
-    assert increments.easings[first + 1] == Easing(10.0, pytest.approx(1e-5))
-    assert increments.easings[first + 7] == Easing(10.0)  # from the state with the whole conductivity
+    gradual = [number for number, easing in enumerate(increments.easings) if easing.rise < np.inf]
+    raised = increments.easings[gradual[0] : gradual[-1] + 1]
+    assert {easing.ratio for easing in raised} == {10.0}
+    assert {easing.rise for easing in increments.easings[: gradual[0]]} == {np.inf}
+    lowest = min(range(len(raised)), key=lambda number: raised[number].rise)
+    assert raised[lowest].rise == pytest.approx(1e-6)
+    assert raised[lowest + 1].rise == pytest.approx(1e-5)
+    # from the state with the law of conductivity
+    assert increments.easings[gradual[-1] + 1 : gradual[-1] + 3] == [Easing(10.0)] * 2
 
 
 @pytest.mark.parametrize(("reach", "is_found"), [(10.1, True), (3.2, True), (1.5, False)])
@@ -182,11 +196,11 @@ def test_conduction_is_raised_to_its_law(synthetic, coupled, reach, is_found):
     increments = Eased(synthetic.step(1e-6), coupled, reach, 1e-6)
     solve = lambda start, easing: increments.solve(start, replace(easing, ratio=1.0))  # noqa: E731
     failed = solve(None, Easing())
-    solution, reached = solve_by_scaled_conduction(solve, failed)
-    assert (solution is not None) == is_found == (reached == 1.0)
-    assert reached > 0.0
+    solution, reached = solve_by_gradual_conduction(solve, failed)
+    assert (solution is not None) == is_found == (reached == 0.0)
+    assert reached < np.inf
     if is_found:
-        assert increments.easings[-1].factor == 1.0
+        assert increments.easings[-1].rise == np.inf
         assert solution.result.iterations == 7 * len(increments.easings)
 
 
@@ -197,14 +211,14 @@ def test_conduction_is_raised_at_nodes_and_then_at_the_edge_found_there(syntheti
         level = 1.0 if easing.at_nodes or easing.edge_of else np.inf  # an edge that moves is too difficult
         return increments.solve(start, replace(easing, ratio=level))
 
-    solution, reached = solve_by_scaled_conduction(solve, solve(None, Easing()))
+    solution, reached = solve_by_gradual_conduction(solve, solve(None, Easing()))
     assert solution is not None
-    assert reached == 1.0
-    at_nodes = [easing.factor for easing in increments.easings if easing.at_nodes]
+    assert reached == 0.0
+    at_nodes = [easing.rise for easing in increments.easings if easing.at_nodes]
     at_edge = [easing for easing in increments.easings if easing.edge_of]
-    assert at_nodes[-1] == at_edge[-1].factor == 1.0
+    assert at_nodes[-1] == at_edge[-1].rise == np.inf
     assert {easing.edge_of.load[0, 2] for easing in at_edge} == {-1.0}  # of the state under the whole conductivity
-    assert at_edge[0].factor < 1.0
+    assert at_edge[0].rise < 1.0
     assert solution.result.iterations == 7 * len(increments.easings)
 
 
@@ -212,11 +226,11 @@ class Approached:
     """Increments under a force of 3 N, solved from states with nearly that force, or with an approach.
 
     The force is a function of the approach in units of the displacement that the load causes; NaN where there is no
-    state. Conductivities must be raised from the first factor, and then from one to the next.
+    state. Conductivities must be raised from the first rise, and then from one to the next.
     """
 
-    def __init__(self, step, problem, force, first_factor: float = 1.0) -> None:
-        self._step, self._force, self._factor = step, force, first_factor
+    def __init__(self, step, problem, force, first_rise: float = np.inf) -> None:
+        self._step, self._force, self._rise = step, force, first_rise
         self._planned = Planned(problem, {"normal_force": np.array([3.0])})
         self.unit = problem_scales(problem).displacement[2]
         self.approaches: list[float | None] = []
@@ -228,7 +242,7 @@ class Approached:
         if approach is None:
             solved = abs(force - 3.0) < 0.5 and easing == Easing()
         else:
-            solved = np.isfinite(force) and easing.at_nodes and (start is not None or easing.factor <= self._factor)
+            solved = np.isfinite(force) and easing.at_nodes and (start is not None or easing.rise <= self._rise)
         motion, resultants = np.zeros(8), np.zeros(8)
         motion[0], resultants[0] = at, force
         state = ContactState(np.zeros((25, 5)), np.zeros((25, 5)), np.zeros(25), np.array([at]))
@@ -239,11 +253,11 @@ class Approached:
         return solve_by_approach(self.solve, self.solve(None, Easing()))
 
 
-@pytest.mark.parametrize("first_factor", [1.0, 1e-3])
+@pytest.mark.parametrize("first_rise", [np.inf, 1e-3])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_force_is_found_between_approaches(synthetic, coupled, first_factor, sign):
+def test_a_force_is_found_between_approaches(synthetic, coupled, first_rise, sign):
     """Also where the first force is too large, and after conductivities are raised."""
-    increments = Approached(synthetic.step(1e-6), coupled, lambda a: 3.0 - sign + a * abs(a), first_factor)
+    increments = Approached(synthetic.step(1e-6), coupled, lambda a: 3.0 - sign + a * abs(a), first_rise)
     solution, words = increments.search()
     assert words == ""
     assert solution.is_converged
@@ -327,8 +341,21 @@ def test_capped_laws_have_the_capabilities_of_their_law():
 
 
 def test_easing_changes_conductors_alone(coupled):
-    eased = Easing(factor=0.01).apply(coupled)
+    eased = Easing(rise=0.25).apply(coupled)
     assert eased.contact_law is coupled.contact_law
     assert eased.channels[1] is coupled.channels[1]
-    kappa = eased.channels[0].law.conductivity(np.array([-1.0, 0.0]), np.zeros(2), np.zeros(2))
-    np.testing.assert_allclose(kappa, [0.01, 0.0])
+    pressure = problem_scales(coupled).pressure * np.array([0.0, 1e-300, 1e-3, 4.0, 1e3])
+    kappa = eased.channels[0].law.conductivity(-pressure, np.zeros(5), np.zeros(5))
+    np.testing.assert_allclose(kappa, [0.0, 0.0, 1.0 / 4001.0, 0.5, 1.0 / 1.004], atol=1e-15)
+
+
+def test_perfect_conductors_and_those_across_gaps_are_eased_as_far_as_possible():
+    perfect, zero = GradualLaw(StepConductivity(np.inf), 1.0), np.zeros(2)
+    np.testing.assert_array_equal(perfect.conductivity(np.array([-1.0, 0.0]), zero, zero), [np.inf, 0.0])
+    system = half_space_system(-np.eye(3), 1.0, 5)
+    problem = indentation_problem(system, np.zeros(25), 0.1, IsotropicCoulomb(0.3))
+    across = AcrossGap(2.0, 1.0, 1.0)
+    eased = Easing(rise=0.25).apply(problem.with_laws(electric=across))
+    at_gaps = zero, np.array([0.0, 1.0]), zero
+    assert eased.channels[0].law.across_gap
+    np.testing.assert_allclose(eased.channels[0].law.conductivity(*at_gaps), 0.2 * across.conductivity(*at_gaps))
