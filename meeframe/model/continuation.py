@@ -44,8 +44,7 @@ _FINAL: Final = (Status.CONVERGED, Status.ITERATION_LIMIT)
 LARGE_RATIO: Final = 10.0
 """Ratio of friction to pressure from which friction counts as large."""
 _RATIOS: Final = (LARGE_RATIO, 1.0, 1e6, np.inf)
-"""Ratios of friction to pressure by which large friction is replaced: the first, the least and the largest one, and that
-of the law itself."""
+"""Ratios of friction to pressure by which large friction is replaced: first, least, largest, and that of the law."""
 _RISES: Final = (0.1, 1e-6, 1e10, np.inf)
 """Rises of conductivities that are too large, or begin too suddenly, likewise."""
 _FACTORS: Final = (10.0, 1.05)

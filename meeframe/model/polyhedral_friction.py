@@ -50,6 +50,8 @@ _MAX_RESIDUAL: Final = 1e-4
 """Largest residual at which directions, resistances, attraction and compliance are accurate."""
 _LARGE_PRESSURE: Final = 1e6
 """Pressure, in characteristic ones, at which friction no longer grows."""
+_CHANGE: Final = 1e-4
+"""Relative change of the pressure for the tangent to the law of a compliant interface."""
 _PERTURBATION: Final = 1e-8, 1e-6
 """Perturbations of gaps and slips, and of friction without pressure: degenerate points would stop Lemke's method."""
 _SEED: Final = 0
@@ -169,7 +171,7 @@ class _Frozen:
         self._modes = [k for k, each in enumerate(problem.prescribed_resultants) if not each.electromagnetic]
         self._motion = np.zeros(len(problem.prescribed_resultants)) if known is None else known.motion.copy()
         self._motion[self._modes] = 0.0
-        self._load, closure = np.zeros((n, problem.fields.size)), np.zeros(n)
+        self._load, compliance, closure = np.zeros((n, problem.fields.size)), np.zeros(n), np.zeros(n)
         resistance = np.full((n, len(problem.channels)), np.inf)
         may_touch = np.isfinite(problem.gap)
         if known is not None:
@@ -179,22 +181,34 @@ class _Frozen:
             if conducting(problem):
                 resistance = state_resistances(problem, known)
             if has_resolvent(law):
-                trial = augmented_traction(law, known.load[:, MECHANICAL], gap, self._r)
-                pressure = -resolve(law, trial, gap, self._r)[:, NORMAL]
-                yields = np.flatnonzero(pressure > 0.0)
-                ratios = (-trial[yields, NORMAL] / pressure[yields] - 1.0) / self._r[0]
-                closure[:], closure[yields] = np.median(ratios) if len(yields) else 0.0, ratios
+                compliance, closure = self._linear_closure(law, known.load[:, MECHANICAL], gap)
         self.nodes: Indices = np.flatnonzero(may_touch)
-        self._closure = closure / scales.normal_compliance
+        self._compliance = compliance / scales.normal_compliance
         self._elimination = Elimination.of(problem)
         self._conductors = self._elimination.prepare(resistance, None)
         displacement = np.zeros_like(self._load)
         displacement[:, MECHANICAL] = self._response(self._load[:, MECHANICAL]).displacement
         fixed = contact_gap(problem, displacement, self._motion)
+        fixed[:, NORMAL] += closure
         self._gap = np.where(np.isfinite(fixed), fixed, 0.0) / self._unit
         negligible = NEGLIGIBLE_PRESSURE * self._pressure
         self._ratio = np.minimum(ratio, self._friction(law, negligible) / negligible)
         self._limit = self._friction(law, _LARGE_PRESSURE * self._pressure) / self._pressure
+
+    def _linear_closure(self, law: ContactLaw, traction: Array, gap: Array) -> tuple[Array, Array]:
+        """Return compliance (n,) [m/Pa] and closure without pressure (n,) [m] of the tangent to a law at a state."""
+        trial = augmented_traction(law, traction, gap, self._r)
+        trials = trial, (1.0 + _CHANGE) * trial
+        pressure, changed = (-resolve(law, each, gap, self._r)[:, NORMAL] for each in trials)
+        closure, moved = (
+            -each[:, NORMAL] / self._r[0] - p / self._r[0] for each, p in zip(trials, (pressure, changed), strict=True)
+        )
+        compliance, rest, yields = np.zeros(len(gap)), np.zeros(len(gap)), pressure > 0.0
+        if yields.any():
+            compliance[:] = np.median(closure[yields] / pressure[yields])
+            compliance[yields] = (moved - closure)[yields] / (changed - pressure)[yields]
+            rest[yields] = closure[yields] - compliance[yields] * pressure[yields]
+        return compliance, rest
 
     def _response(self, traction: Array, total: bool = True) -> Response:
         """Return the response of the body to tractions (n, 3), with that to offsets and potentials if it is total."""
@@ -254,10 +268,10 @@ class _Frozen:
         nodes, n_loads = self.nodes, base.shape[1]
         limit = self._limit[nodes]
         limited = np.flatnonzero(limit < _LARGE_PRESSURE)
-        compliance = self._compliance()
+        compliance = self._compliance_of_body()
         loads = base.T @ (compliance.reshape(len(base), -1) * (self._pressure / self._unit)) @ base
         pressures = slice(0, n_loads, 1 + k)
-        loads[pressures, pressures] += np.diag(self._closure[nodes])
+        loads[pressures, pressures] += np.diag(self._compliance[nodes])
         sums = np.kron(np.eye(len(nodes)), np.concatenate([[0.0], np.ones(k)]))
         bounds = -sums
         bounds[:, pressures] = np.diag(self._ratio[nodes])
@@ -273,7 +287,7 @@ class _Frozen:
         strength = np.repeat([_PERTURBATION[0], _PERTURBATION[1], _PERTURBATION[0], 0.0], sizes)
         return matrix, right + strength * np.random.default_rng(_SEED).uniform(0.5, 1.0, len(right)), units
 
-    def _compliance(self) -> Array:
+    def _compliance_of_body(self) -> Array:
         """Return the compliance (m, 3, m, 3) of the nodes that may touch, with the potentials eliminated."""
         nodes = self.nodes
         compliance = np.zeros((len(nodes), N_MECHANICAL) * 2)

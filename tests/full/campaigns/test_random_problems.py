@@ -102,7 +102,7 @@ def test_directions_of_short_slips_are_uncertain(way, angle, share, is_found):
 
 
 @pytest.mark.parametrize(
-    "seed", [5001, 5002, 6513, 6650, 6959, 7266, 7861, 9210, 20297, 52222, 52387, 71351, 84707, 90589, 98754]
+    "seed", [5001, 5002, 6513, 6650, 6959, 7266, 7861, 9210, 20297, 52222, 52387, 71351, 84707, 90589, 98754, 101333]
 )
 def test_random_problems(seed):
     """The seeds from 6513 on once failed.
@@ -118,7 +118,7 @@ def test_random_problems(seed):
     assert set(answer.outcomes) <= {"converged", "rejected", "stalled, with a reason"}, answer.notes
 
 
-@pytest.mark.parametrize("seed", [20561, 71167, 71598, 94149, 96056, 101368])
+@pytest.mark.parametrize("seed", [20561, 71167, 71598, 94149, 96056, 101368, 101692])
 def test_limits_that_jump(seed):
     """Nodes that shear would lift touch without pressure: these problems had increments without a solution.
 
@@ -148,14 +148,14 @@ def test_an_attraction_that_exceeds_the_pressure(tmp_path):
 
 
 def test_steep_conduction_beside_resolved_edges(tmp_path):
-    """Conductivities are raised at nodes first, and then with the contact edge found there."""
+    """Conductivities rise more and more suddenly at nodes first, and then with the contact edge found there."""
     file = tmp_path / "case.toml"
     first_step = problems.draw(84349, tmp_path, "auto").rpartition("[[steps]]")[0]
     file.write_text(first_step.replace("increments = 2", "increments = 1"))
     (step,) = solve_case(load_case(file)).steps
     assert step.status is Status.CONVERGED
     assert step.area_fraction is not None
-    assert "from a state with smaller conductivities" in step.message
+    assert "from a state with gradual conductivities" in step.message
 
 
 def test_a_force_at_which_potentials_pull_the_surfaces_in(tmp_path):
