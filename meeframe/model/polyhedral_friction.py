@@ -181,7 +181,8 @@ class _Frozen:
             if conducting(problem):
                 resistance = state_resistances(problem, known)
             if has_resolvent(law):
-                compliance, closure = self._linear_closure(law, known.load[:, MECHANICAL], gap)
+                finite = np.where(np.isfinite(gap), gap, 0.0)
+                compliance, closure = self._linear_closure(law, known.load[:, MECHANICAL], finite)
         self.nodes: Indices = np.flatnonzero(may_touch)
         self._compliance = compliance / scales.normal_compliance
         self._elimination = Elimination.of(problem)

@@ -54,7 +54,9 @@ def test_states_nearly_satisfy_the_capped_law(law, ratio):
 
 
 @pytest.mark.parametrize("is_known", [False, True])
-@pytest.mark.parametrize("law", [DMT(0.02, 1.0, mu=np.inf), Compliant(1.0, 0.1, 1.5, mu=np.inf)])
+@pytest.mark.parametrize(
+    "law", [DMT(0.02, 1.0, mu=np.inf), Compliant(1.0, 0.1, 1.5, mu=np.inf), Compliant(1.0, 0.1, 3.0, mu=np.inf)]
+)
 def test_attraction_and_compliance_are_those_of_the_state(law, is_known):
     problem = strongly_coupled(law)
     eased = Easing(2.0).apply(problem)
