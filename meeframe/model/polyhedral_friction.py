@@ -50,8 +50,8 @@ _MAX_RESIDUAL: Final = 1e-4
 """Largest residual at which directions, resistances, attraction and compliance are accurate."""
 _LARGE_PRESSURE: Final = 1e6
 """Pressure, in characteristic ones, at which friction no longer grows."""
-_CHANGE: Final = 1e-4
-"""Relative change of the pressure for the tangent to the law of a compliant interface."""
+_FACTORS: Final = 1.0, 1.0001
+"""Factors of a trial between which the tangent to the law of a compliant interface is taken."""
 _PERTURBATION: Final = 1e-8, 1e-6
 """Perturbations of gaps and slips, and of friction without pressure: degenerate points would stop Lemke's method."""
 _SEED: Final = 0
@@ -199,16 +199,14 @@ class _Frozen:
     def _linear_closure(self, law: ContactLaw, traction: Array, gap: Array) -> tuple[Array, Array]:
         """Return compliance (n,) [m/Pa] and closure without pressure (n,) [m] of the tangent to a law at a state."""
         trial = augmented_traction(law, traction, gap, self._r)
-        trials = trial, (1.0 + _CHANGE) * trial
-        pressure, changed = (-resolve(law, each, gap, self._r)[:, NORMAL] for each in trials)
-        closure, moved = (
-            -each[:, NORMAL] / self._r[0] - p / self._r[0] for each, p in zip(trials, (pressure, changed), strict=True)
-        )
-        compliance, rest, yields = np.zeros(len(gap)), np.zeros(len(gap)), pressure > 0.0
+        # normal tractions that satisfy the law with the difference from their trial, over r, as negative closure
+        normal, changed = np.array([resolve(law, factor * trial, gap, self._r)[:, NORMAL] for factor in _FACTORS])
+        closure, changed_closure = (np.outer(_FACTORS, trial[:, NORMAL]) - [normal, changed]) / self._r[0]
+        compliance, rest, yields = np.zeros(len(gap)), np.zeros(len(gap)), normal < 0.0
         if yields.any():
-            compliance[:] = np.median(closure[yields] / pressure[yields])
-            compliance[yields] = (moved - closure)[yields] / (changed - pressure)[yields]
-            rest[yields] = closure[yields] - compliance[yields] * pressure[yields]
+            compliance[:] = np.median(closure[yields] / normal[yields])
+            compliance[yields] = (changed_closure - closure)[yields] / (changed - normal)[yields]
+            rest[yields] = compliance[yields] * normal[yields] - closure[yields]
         return compliance, rest
 
     def _response(self, traction: Array, total: bool = True) -> Response:
