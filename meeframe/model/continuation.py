@@ -165,8 +165,9 @@ def solve_persistently(
     if last.result.status in _FINAL:
         return last
     increment, sentences = last.increment, list[str]()
+    has_matrix = stores or increment.problem.system.dense() is not None
     for strategy, applies in (
-        (by_polyhedral_friction, has_large_friction),
+        (by_polyhedral_friction, has_large_friction and has_matrix),
         (by_capped_friction, has_large_friction),
         (by_longer_attempt, is_brief),
         (by_gradual_conduction, conducting(increment.problem)),

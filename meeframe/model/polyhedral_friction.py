@@ -107,6 +107,7 @@ def _solve(solve: SolveEased, failed: Solution, tolerance: float, edge: Easing =
     return None
 
 
+@np.errstate(all="ignore")  # states may be far from any solution
 def polyhedral_state(
     problem: ContactProblem, law: ContactLaw, ratio: float, known: ContactState | None
 ) -> ContactState | None:
@@ -180,6 +181,7 @@ class _Frozen:
             may_touch &= (gap[:, NORMAL] < scales.displacement[NORMAL]) | known.load[:, MECHANICAL].any(axis=1)
             if conducting(problem):
                 resistance = state_resistances(problem, known)
+                resistance[np.isnan(resistance)] = np.inf
             if has_resolvent(law):
                 finite = np.where(np.isfinite(gap), gap, 0.0)
                 compliance, closure = self._linear_closure(law, known.load[:, MECHANICAL], finite)
