@@ -131,7 +131,8 @@ class GradualLaw(ConductivityLaw):
     def conductivity(self, normal_traction: Array, gap: Array, drop: Array) -> Array:
         """Return the conductivity times p / (p + pressure), (n,); perfect conductors remain what they are."""
         kappa, pressure = self.law.conductivity(normal_traction, gap, drop), np.maximum(-normal_traction, 0.0)
-        return np.where(np.isinf(kappa), kappa, kappa * (pressure / (pressure + self.pressure)))
+        share = np.divide(pressure, pressure + self.pressure, out=np.zeros_like(pressure), where=pressure > 0.0)
+        return np.where(np.isinf(kappa), kappa, kappa * share)
 
 
 @dataclass(frozen=True)
