@@ -15,10 +15,12 @@ import os
 import resource
 import shutil
 import signal
+import struct
 import sys
 import tempfile
 import traceback
 import warnings
+import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
@@ -59,6 +61,15 @@ HANGS: Final = MAX_WAIT + LIMIT
 MAX_MEMORY: Final = 2**31
 """Largest additional address space [bytes]."""
 MAX_MESSAGE: Final = 20_000
+X3P: Final = """<?xml version="1.0" encoding="UTF-8"?>
+<p:ISO5436_2 xmlns:p="http://www.opengps.eu/2008/ISO5436_2"><Record1><Revision>ISO5436 - 2000</Revision>
+<FeatureType>SUR</FeatureType><Axes><CX><AxisType>I</AxisType><DataType>D</DataType><Increment>1e-6</Increment>
+<Offset>0</Offset></CX><CY><AxisType>I</AxisType><DataType>D</DataType><Increment>1e-6</Increment><Offset>0</Offset></CY>
+<CZ><AxisType>A</AxisType><DataType>D</DataType><Increment>1</Increment><Offset>0</Offset></CZ></Axes></Record1>
+<Record3><MatrixDimension><SizeX>4</SizeX><SizeY>5</SizeY><SizeZ>1</SizeZ></MatrixDimension>
+<DataLink><PointDataLink>bindata/data.bin</PointDataLink></DataLink></Record3></p:ISO5436_2>
+"""
+"""Index of an archive of ISO 25178-72."""
 ROOT: Final = Path(__file__).parents[2]
 
 TINY: Final = """
@@ -324,6 +335,38 @@ def _maps_hdf5(folder: Path) -> list[Path]:
     return [path]
 
 
+def _instruments(folder: Path) -> list[Path]:
+    """Write a file of Gwyddion, an archive of ISO 25178-72 and a file of SurfaceTopography itself."""
+    from SurfaceTopography import Topography  # optional, and slow to import
+
+    heights = _grid()[:, 2].reshape(4, 5)
+
+    def item(name: str, kind: str, value: bytes) -> bytes:
+        return name.encode() + b"\0" + kind.encode() + value
+
+    def container(name: str, *items: bytes) -> bytes:
+        body = b"".join(items)
+        return name.encode() + b"\0" + struct.pack("<I", len(body)) + body
+
+    field = container(
+        "GwyDataField",
+        *(item(name, "i", struct.pack("<i", value)) for name, value in (("xres", 4), ("yres", 5))),
+        *(item(name, "d", struct.pack("<d", value)) for name, value in (("xreal", 4e-6), ("yreal", 5e-6))),
+        *(
+            item(name, "o", container("GwySIUnit", item("unitstr", "s", b"m\0")))
+            for name in ("si_unit_xy", "si_unit_z")
+        ),
+        item("data", "D", struct.pack("<I", heights.size) + heights.T.astype("<f8").tobytes()),
+    )
+    items = item("/0/data", "o", field), item("/0/data/title", "s", b"Height\0")
+    (folder / "map.gwy").write_bytes(b"GWYP" + container("GwyContainer", *items))
+    with zipfile.ZipFile(folder / "map.x3p", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("main.xml", X3P)
+        archive.writestr("bindata/data.bin", heights.T.astype("<f8").tobytes())
+    Topography(heights, (4e-6, 5e-6), unit="m").to_netcdf(str(folder / "map.nc"))
+    return [folder / name for name in ("map.gwy", "map.x3p", "map.nc")]
+
+
 def _meshes(folder: Path, formats: Sequence[tuple[str, str]]) -> list[Path]:
     mesh = box_mesh((2.0, 2.0, 6.0), (2, 2, 3), ELEMENTS["tri3"])
     (cells,) = mesh.blocks
@@ -407,6 +450,7 @@ KINDS: Final = {
     "map-text": Kind(_maps_txt, _map, _either),
     "map-hdf5": Kind(_maps_hdf5, _map, _hdf5),
     "map-hdf5-bytes": Kind(_maps_hdf5, _map, _bytes),
+    "map-instrument": Kind(_instruments, _map, _bytes),
     "mesh-text": Kind(lambda folder: _meshes(folder, TEXT_MESHES), _mesh, _either),
     "mesh-bytes": Kind(lambda folder: _meshes(folder, BINARY_MESHES), _mesh, _bytes),
     "mesh-hdf5": Kind(lambda folder: _meshes(folder, HDF5_MESHES), _mesh, _hdf5),
