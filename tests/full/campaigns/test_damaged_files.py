@@ -14,6 +14,8 @@ COUNT = 5
 
 @pytest.mark.parametrize("name", damaged_files.KINDS)
 def test_answers_to_damaged_files(name):
+    if name == "map-instrument":
+        pytest.importorskip("SurfaceTopography")
     count = {"case": 3, "restart": 3, "restart-features": 3}.get(name, COUNT)
     outcomes = list(damaged_files.campaign(name, range(9001, 9001 + count)))
     assert len(outcomes) == count
