@@ -25,6 +25,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
@@ -182,13 +183,20 @@ class Kind:
     """A kind of file.
 
     make: writes valid files into a folder and returns them, each a file or a folder with a single file to change; use:
-    reads a file or folder of meeframe; change: changes it in place; weight: number of variants, relative to others.
+    reads a file or folder of meeframe; change: changes it in place; weight: number of variants, relative to others;
+    package: optional one that reads it, without which the kind is left out.
     """
 
     make: Callable[[Path], Sequence[Path]]
     use: Callable[[Path], object]
     change: Callable[[Path, mutations.Random], None]
     weight: float = 0.1
+    package: str | None = None
+
+    @property
+    def is_readable(self) -> bool:
+        """True unless a package is missing."""
+        return self.package is None or find_spec(self.package) is not None
 
 
 def _text(path: Path, random: mutations.Random) -> None:
@@ -450,7 +458,7 @@ KINDS: Final = {
     "map-text": Kind(_maps_txt, _map, _either),
     "map-hdf5": Kind(_maps_hdf5, _map, _hdf5),
     "map-hdf5-bytes": Kind(_maps_hdf5, _map, _bytes),
-    "map-instrument": Kind(_instruments, _map, _bytes),
+    "map-instrument": Kind(_instruments, _map, _bytes, package="SurfaceTopography"),
     "mesh-text": Kind(lambda folder: _meshes(folder, TEXT_MESHES), _mesh, _either),
     "mesh-bytes": Kind(lambda folder: _meshes(folder, BINARY_MESHES), _mesh, _bytes),
     "mesh-hdf5": Kind(lambda folder: _meshes(folder, HDF5_MESHES), _mesh, _hdf5),
@@ -579,6 +587,9 @@ def main() -> int:
     options = parser.parse_args()
     defects = 0
     for name in options.kind or KINDS:
+        if not KINDS[name].is_readable:
+            print(f"{name:16}  left out: {KINDS[name].package} is not installed", flush=True)
+            continue
         count = max(1, round(options.number * KINDS[name].weight))
         counts: Counter[str] = Counter()
         interrupted = False
