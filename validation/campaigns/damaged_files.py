@@ -345,7 +345,9 @@ def _maps_hdf5(folder: Path) -> list[Path]:
 
 def _instruments(folder: Path) -> list[Path]:
     """Write a file of Gwyddion, an archive of ISO 25178-72 and a file of SurfaceTopography itself."""
-    from SurfaceTopography import Topography  # optional, and slow to import
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        from SurfaceTopography import Topography  # optional, and slow to import
 
     heights = _grid()[:, 2].reshape(4, 5)
 
