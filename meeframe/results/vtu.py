@@ -3,12 +3,14 @@
 import base64
 import zlib
 from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from numba import get_num_threads
 from numpy.typing import NDArray
 
 from meeframe.fields import Array, Indices
@@ -115,13 +117,17 @@ def _write_array(file: BinaryIO, name: str, values: "_Rows | NDArray[Any]", comp
     begin = file.tell()
     file.write(base64.b64encode(sizes.tobytes()))
     level, rest = int(is_compressible(values)), b""
-    for block, start in enumerate(starts, 3):
-        compressed = zlib.compress(np.ascontiguousarray(values[start : start + per_block]).tobytes(), level)
-        sizes[block] = len(compressed)
-        rest += compressed
-        end = len(rest) - len(rest) % 3  # bytes that base64 encodes without padding
-        file.write(base64.b64encode(rest[:end]))
-        rest = rest[end:]
+
+    def compressed(start: int) -> bytes:
+        return zlib.compress(np.ascontiguousarray(values[start : start + per_block]).tobytes(), level)
+
+    with ThreadPoolExecutor(get_num_threads()) as pool:
+        for block, data in enumerate(pool.map(compressed, starts), 3):
+            sizes[block] = len(data)
+            rest += data
+            end = len(rest) - len(rest) % 3  # bytes that base64 encodes without padding
+            file.write(base64.b64encode(rest[:end]))
+            rest = rest[end:]
     file.write(base64.b64encode(rest))
     end = file.tell()
     file.seek(begin)
