@@ -62,9 +62,11 @@ class Peaks:
         """
         for field in schema.nodal_fields(step.fields):
             values = field.values(zone, step)
-            largest = float(np.nanmax(np.abs(values), initial=0.0))
-            self.values[field.name] = max(self.values.get(field.name, 0.0), largest)
-            if values.any() and field.phenomenon not in {schema.FRICTION, schema.SLIP}:  # smooth surfaces slip, too
+            earlier = self.values.setdefault(field.name, 0.0)
+            if not values.any():
+                continue
+            self.values[field.name] = max(earlier, float(np.nanmax(np.abs(values), initial=0.0)))
+            if field.phenomenon not in {schema.FRICTION, schema.SLIP}:  # smooth surfaces slip, too
                 self.phenomena.add(field.phenomenon)
         if step.traction[:, :2].any() or (step.region == Region.STICK).any():
             self.phenomena.add(schema.FRICTION)
