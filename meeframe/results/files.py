@@ -46,9 +46,9 @@ from meeframe.results.records import (
 from meeframe.results.schema import BOUNDARY, NodalField, StorageCondition
 from meeframe.system.reduced import NodalFields
 
-FORMAT: Final = "meeframe-result 7"
-_READABLE: Final = frozenset({FORMAT, "meeframe-result 6"})
-"""Formats that are read: in 6, grids hold their cells, and half spaces their fields twice."""
+FORMAT: Final = "meeframe-result 8"
+_READABLE: Final = frozenset({FORMAT, "meeframe-result 7", "meeframe-result 6"})
+"""Formats that are read: up to 7, grids hold their points, and in 6 their cells and half spaces their fields twice."""
 _EARLIER: Final = frozenset(f"meeframe-result {number}" for number in range(1, 6))
 """Formats of earlier versions with other names."""
 
@@ -58,6 +58,8 @@ _MAX_TRIED_BYTES: Final = 1 << 20
 """Size in bytes above which arrays that hardly shrink are not compressed, which takes longer than all else."""
 _GRID: Final = "grid"
 """Dataset with the numbers of nodes along both axes of a grid, in place of its cells."""
+_AXES: Final = ("x", "y")
+"""Datasets with the coordinates of the rows and columns of a grid, in place of its points."""
 _CHUNK: Final = 1 << 22
 """Largest size of a chunk in bytes."""
 _ZONE: Final = "zone"
@@ -299,6 +301,10 @@ def _put_zone(file: Any, zone: Zone) -> None:
     arrays = {name: getattr(zone, name) for name in schema.ZONE_UNITS}
     if shares_frame(zone.frames):
         arrays["frames"] = zone.frames[:1]
+    if isinstance(zone.points, GridPoints) and not len(zone.points.others):
+        points_group, arrays["points"] = group.create_group("points"), None
+        points_group.attrs["note"] = "points of a grid in the plane x3 = 0, numbered row by row: y varies first"
+        _put_all(points_group, dict.fromkeys(_AXES, "m"), {axis: getattr(zone.points, axis) for axis in _AXES})
     _put_all(group, schema.ZONE_UNITS, arrays)
     _put_cells(group, zone.cells)
 
@@ -419,13 +425,13 @@ def _put_boundary_mesh(group: Any, boundary: NodalFields) -> None:
 
 def _read(file: Any) -> Result:
     attributes, zone_group = file.attrs, file["zone"]
-    n = len(zone_group["points"])
+    points = _get_points(zone_group)
+    n = len(points)
     if len(zone_group["frames"]) == 1 != n:
         frames = shared_frames(numbers_of(zone_group, "frames", (1, 3, 3))[0], n)
     else:
         frames = numbers_of(zone_group, "frames", (n, 3, 3))
-    points, weights = numbers_of(zone_group, "points", (n, 3)), numbers_of(zone_group, "weights", (n,))
-    zone = Zone(points, frames, weights, _get_cells(zone_group, n))
+    zone = Zone(points, frames, numbers_of(zone_group, "weights", (n,)), _get_cells(zone_group, n))
     return Result(
         provenance=Provenance(
             title=text_of(file, "title"),
@@ -562,6 +568,15 @@ def _get_loading(group: Any, fields: FieldSet) -> Loading:
         rolling = RollingMotion(numbers_of(entries, "direction", (3,)), numbers_of(entries, "creepage", (2,)), *numbers)
     travel = numbers_of(group, "travel", (2,)) if "travel" in group else None
     return Loading.of(motion, prescribed, reference, axes, duration, fields, rolling, travel)
+
+
+def _get_points(group: Any) -> Array:
+    """Return the points (n, 3) of a group."""
+    entry = group["points"]
+    if isinstance(entry, h5py.Group):
+        return GridPoints.make(*(numbers_of(entry, axis, entry[axis].shape[:1]) for axis in _AXES))
+    points: Array = numbers_of(group, "points", (len(entry), 3))
+    return points
 
 
 def _get_cells(group: Any, n: int) -> Cells:

@@ -16,7 +16,7 @@ from meeframe.laws import IsotropicCoulomb
 from meeframe.material import library_material
 from meeframe.mesh import check_mesh, find_contact_zone, half_space_mesh
 from meeframe.mesh.measures import area
-from meeframe.mesh.regular import GridCells
+from meeframe.mesh.regular import GridCells, GridPoints
 from meeframe.mesh.surface import SurfaceMesh
 from meeframe.model.cache import system_key
 from meeframe.model.case import Case
@@ -122,8 +122,10 @@ def test_files_restore_grids(both, tmp_path: Path):
     with h5py.File(tmp_path / "result.h5") as file:
         assert file["zone/frames"].shape == (1, 3, 3)
         assert list(file["zone/cells"]) == ["grid"]
+        assert {axis: file["zone/points"][axis].shape for axis in "xy"} == {"x": (GRID.grid[0],), "y": (GRID.grid[1],)}
     again = read_result(tmp_path)
     assert again.zone.cells == result.zone.cells
+    assert isinstance(again.zone.points, GridPoints)
     for name in ("points", "frames", "weights"):
         np.testing.assert_array_equal(getattr(again.zone, name), getattr(result.zone, name))
     for name in ("points", "values", "fluxes"):
@@ -132,6 +134,22 @@ def test_files_restore_grids(both, tmp_path: Path):
         file["zone/cells/grid"][...] = (5, 7)
     with pytest.raises(ResultError, match="is a grid of 5 x 7 nodes instead of 414"):
         read_result(tmp_path)
+    with h5py.File(tmp_path / "result.h5", "r+") as file:
+        del file["zone/points/y"]
+    with pytest.raises(ResultError, match=r"damaged.*'y'"):
+        read_result(tmp_path)
+
+
+def test_files_with_the_points_of_a_grid_are_read(both, tmp_path: Path):
+    result, _ = both
+    write_result(tmp_path, result)
+    with h5py.File(tmp_path / "result.h5", "r+") as file:
+        file.attrs["format"] = "meeframe-result 7"
+        del file["zone/points"]
+        file["zone/points"] = result.zone.points[:]
+    again = read_result(tmp_path)
+    np.testing.assert_array_equal(again.zone.points, result.zone.points)
+    assert again.zone.cells == result.zone.cells
 
 
 def test_equal_grids_share_stored_systems():

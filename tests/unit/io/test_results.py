@@ -197,7 +197,7 @@ def test_missing_file(tmp_path):
     with h5py.File(tmp_path / RESULT_FILE, "w") as file:
         file.attrs.update({"format": "meeframe-result 4", "case": ""})  # not compressed
     with pytest.raises(
-        ResultError, match="'meeframe-result 4' is unknown; this version reads 'meeframe-result 7': run"
+        ResultError, match="'meeframe-result 4' is unknown; this version reads 'meeframe-result 8': run"
     ):
         files.read_result(tmp_path)
 
