@@ -171,3 +171,22 @@ def figures(
 
         for path in write_figures(read_result(folder), out or folder, step, format):
             print(path)
+
+
+@app.command()
+def fields(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for the files; that of the run if not given.")
+    ] = None,
+) -> None:
+    """Write fields.vtu of a run again, for ParaView, and for several load steps the series fields.pvd.
+
+    A run writes them itself unless it was interrupted or its case file has `vtu = false`.
+    """
+    with console.exit_status():
+        from meeframe.results.files import read_result
+        from meeframe.results.vtk import write_fields
+
+        for path in write_fields(read_result(folder), out or folder):
+            print(path)

@@ -28,7 +28,7 @@ from meeframe.results.canvas import (
     styled,
 )
 from meeframe.results.history import history
-from meeframe.results.output import FORMATS, in_all_formats, remove_files, replacing
+from meeframe.results.output import FORMATS, in_all_formats, make_folder, remove_files, replacing
 from meeframe.results.overview import peaks
 from meeframe.results.picture import Picture
 from meeframe.results.records import Region, Result, StepResult, Zone
@@ -193,10 +193,7 @@ def write_figures(result: Result, folder: Path, which: Which = None, suffix: str
     """
     check_format(suffix)
     drawn = figures(result, select(result, which))
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResultError(f"folder {folder} cannot be written: {error.strerror or error}") from None
+    make_folder(folder)
     paths = [folder / f"{name}.{suffix}" for name in drawn]
     for name, target in zip(list(drawn), paths, strict=True):
         with replacing(target) as path:

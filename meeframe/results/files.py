@@ -30,7 +30,7 @@ from meeframe.indenters.base import N_RIGID, IndenterMotions, motion_modes
 from meeframe.mesh.regular import Cells, GridCells, GridPoints, shared_frames, shares_frame
 from meeframe.results import schema
 from meeframe.results.hdf5 import changed_file, is_compressible, numbers_of, table_of, text_of
-from meeframe.results.output import INCREMENTS, RESULT_FILE, replacing
+from meeframe.results.output import INCREMENTS, RESULT_FILE, make_folder, replacing
 from meeframe.results.records import (
     Loading,
     Provenance,
@@ -107,10 +107,7 @@ class ResultWriter:
             If it cannot be written.
         """
         increments = self.folder / INCREMENTS
-        try:
-            increments.mkdir(exist_ok=True)
-        except OSError as error:
-            raise ResultError(f"folder {increments} cannot be written: {error.strerror or error}") from None
+        make_folder(increments)
         if isinstance(step.boundary, NodalFields) and not self._has_boundary and _includes_boundary(self.fields):
             with replacing(increments / _BOUNDARY_FILE) as path, changed_file(path, "w") as file:
                 _put_boundary_mesh(file, step.boundary)

@@ -165,6 +165,14 @@ def check_writable(file: Path) -> None:
         raise ResultError(f"{file} cannot be written: {error.strerror or error}") from None
 
 
+def make_folder(folder: Path) -> None:
+    """Create a folder and its parents unless they exist. Raises ResultError."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ResultError(f"folder {folder} cannot be written: {error.strerror or error}") from None
+
+
 def clear_output(folder: Path) -> None:
     """Create the output folder or remove the files that an earlier run left in it, and only those.
 

@@ -14,7 +14,7 @@ from meeframe.mesh.measures import corners
 from meeframe.mesh.nearby import close_point_pairs
 from meeframe.mesh.regular import Cells, GridCells, global_components
 from meeframe.results import schema
-from meeframe.results.output import FIELDS_FILE, SERIES, SERIES_FILE, replacing
+from meeframe.results.output import FIELDS_FILE, SERIES, SERIES_FILE, locked, make_folder, replacing
 from meeframe.results.overview import peaks
 from meeframe.results.records import Result, StepResult, Zone, ZoneFields
 from meeframe.results.schema import NodalField
@@ -25,25 +25,31 @@ _COINCIDENCE_TOLERANCE: Final = 1e-9
 """Distance below which points coincide, as a fraction of the extent of the contact zone."""
 
 
-def write_fields(folder: Path, result: Result) -> None:
-    """Write fields.vtu and fields.pvd of a result, as FieldsWriter.
+def write_fields(result: Result, folder: Path) -> list[Path]:
+    """Write the files of FieldsWriter for a result.
 
     Parameters
     ----------
-    folder : Path
-        Output folder.
     result : Result
         The result.
+    folder : Path
+        The folder, created if it does not exist.
+
+    Returns
+    -------
+    list of Path
+        fields.vtu, and for several load steps fields.pvd.
 
     Raises
     ------
     ResultError
-        As `FieldsWriter.finish`.
+        As `FieldsWriter.finish`, or if a run writes into the folder.
     """
-    writer = FieldsWriter(folder, result.zone, peaks(result).phenomena)
-    for step in result.steps:
-        writer.add(step)
-    writer.finish()
+    with locked(folder):
+        writer = FieldsWriter(folder, result.zone, peaks(result).phenomena)
+        for step in result.steps:
+            writer.add(step)
+        return writer.finish()
 
 
 @final
@@ -90,8 +96,13 @@ class FieldsWriter:
             self._write_member()
             self._last = self._count, step
 
-    def finish(self) -> None:
+    def finish(self) -> list[Path]:
         """Write fields.vtu and fields.pvd.
+
+        Returns
+        -------
+        list of Path
+            The files that were written, except for those of the series.
 
         Raises
         ------
@@ -103,18 +114,20 @@ class FieldsWriter:
                 "the result holds no fields on the whole boundary; with [output] fields in the case file, name "
                 "'boundary'"
             )
-        with replacing(self._folder / FIELDS_FILE) as path:
+        fields, series = self._folder / FIELDS_FILE, self._folder / SERIES_FILE
+        with replacing(fields) as path:
             self._write(path, self._last[1])
         if not self._entries:  # a single step has no series
-            return
+            return [fields]
         self._write_member()
-        with replacing(self._folder / SERIES_FILE) as path:
+        with replacing(series) as path:
             path.write_text(
                 '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1"><Collection>\n'
                 + "\n".join(self._entries)
                 + "\n</Collection></VTKFile>\n",
                 encoding="utf-8",
             )
+        return [fields, series]
 
     def discard(self) -> None:
         """Remove the files of the series, which nothing lists before `finish`."""
@@ -126,10 +139,7 @@ class FieldsWriter:
             return
         number, step = self._last
         name, series = f"{number:04d}.vtu", self._folder / SERIES
-        try:
-            series.mkdir(exist_ok=True)
-        except OSError as error:
-            raise ResultError(f"folder {series} cannot be written: {error.strerror or error}") from None
+        make_folder(series)
         with replacing(series / name) as path:
             self._write(path, step)
         self._entries.append(f'<DataSet timestep="{number}" part="0" file="{SERIES}/{name}"/>')

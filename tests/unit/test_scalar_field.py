@@ -233,7 +233,7 @@ def test_scalar_field_in_case_files_results_and_reports(tmp_path: Path) -> None:
         assert file["steps/0002/temperature"].attrs["units"] == "K"
         assert file["steps/0002/heat_flux"].attrs["units"] == "W/m^2"
         assert file["steps/0002/resultants/heat"][()] == pytest.approx(2e-3, rel=1e-8)
-    write_fields(tmp_path, read)
+    write_fields(read, tmp_path)
     names = meshio.read(tmp_path / "fields.vtu").point_data
     assert {"temperature [K]", "heat flux [W/m^2]"} <= set(names)
     entry = summary(read)["steps"][1]

@@ -156,6 +156,22 @@ def test_figures_of_any_increment_in_any_format(case_file, tmp_path):
         assert message in err
 
 
+def test_fields_of_a_run_are_written_again(case_file, tmp_path):
+    text, folder, again = case_file.read_text(), tmp_path / "out", tmp_path / "again"
+    case_file.write_text(text + "\n[output]\nfigures = false\n")
+    assert meeframe_command("run", case_file, "--out", folder)[0] == 0
+    status, out, _ = meeframe_command("fields", folder, "--out", again)
+    assert (status, out.splitlines()) == (0, [str(again / "fields.vtu"), str(again / "fields.pvd")])
+    for name in ("fields.vtu", "fields.pvd", "fields.series/0001.vtu", "fields.series/0002.vtu"):
+        assert (again / name).read_bytes() == (folder / name).read_bytes()
+    case_file.write_text(text + "\n[output]\nfigures = false\nvtu = false\nfields = []\n")
+    assert meeframe_command("run", case_file, "--out", folder, "--overwrite")[0] == 0
+    status, _, err = meeframe_command("fields", folder)
+    assert status == 2
+    assert "the result holds no fields on the whole boundary" in err
+    assert sorted(path.name for path in folder.iterdir()) == ["result.h5", "summary.json"]
+
+
 @pytest.mark.parametrize("command", ["compare", "verify", "sweep", "reproduce"])
 def test_unknown_formats_are_refused_before_anything_is_read(command, tmp_path):
     status, _, err = meeframe_command(command, "missing.toml", "--out", tmp_path / "out", "--format", "bmp")

@@ -13,7 +13,7 @@ from meeframe.system.reduced import NodalFields
 
 def test_last_step_is_written_with_units(tmp_path, synthetic):
     result = synthetic.result(synthetic.step(1e-6), synthetic.step(2e-6))
-    write_fields(tmp_path, result)
+    write_fields(result, tmp_path)
     mesh = meshio.read(tmp_path / "fields.vtu")
     np.testing.assert_array_equal(mesh.points, result.zone.points)
     np.testing.assert_array_equal(mesh.cells_dict["quad"], result.zone.cells[0][1])
@@ -32,7 +32,7 @@ def test_region_and_slip_on_the_contact_zone_only(tmp_path, synthetic):
     begun_elsewhere = np.roll(cells, 1, axis=1)
     boundary = NodalFields(points, ((name, begun_elsewhere), ("quad", np.array([[25, 26, 27, 28]]))), fields, fields)
     result = synthetic.result(dataclasses.replace(step, boundary=boundary))
-    write_fields(tmp_path, dataclasses.replace(result, zone=dataclasses.replace(zone, frames=frames)))
+    write_fields(dataclasses.replace(result, zone=dataclasses.replace(zone, frames=frames)), tmp_path)
     data = meshio.read(tmp_path / "fields.vtu").point_data
     np.testing.assert_array_equal(data["region"], [*step.region, 0, 0, 0, 0])
     expected = np.full((29, 3), np.nan)
@@ -48,7 +48,7 @@ def test_absent_phenomena_are_left_out(tmp_path, synthetic, member):
     def names(**changes):
         steps = [synthetic.step(1e-6), synthetic.step(2e-6)]
         result = synthetic.result(*(dataclasses.replace(step, **(bare(step) | changes)) for step in steps))
-        write_fields(tmp_path, result)
+        write_fields(result, tmp_path)
         zone = set(zone_mesh(result, result.steps[-1]).point_data)
         written = set(meshio.read(tmp_path / member).point_data)
         assert {name for name in zone if "stick" not in name} >= written - {"traction [N/m^2]"}
@@ -76,4 +76,4 @@ def test_absent_phenomena_are_left_out(tmp_path, synthetic, member):
 
 def test_missing_fields_are_rejected(tmp_path, synthetic):
     with pytest.raises(ResultError, match="no fields on the whole boundary"):
-        write_fields(tmp_path, synthetic.result(dataclasses.replace(synthetic.step(1e-6), boundary=None)))
+        write_fields(synthetic.result(dataclasses.replace(synthetic.step(1e-6), boundary=None)), tmp_path)

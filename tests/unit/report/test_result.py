@@ -367,7 +367,7 @@ def test_scene_is_rendered_off_screen(indented, tmp_path):
 def test_series_of_boundary_fields(indented, tmp_path):
     import meshio
 
-    write_fields(tmp_path, indented)
+    write_fields(indented, tmp_path)
     text = (tmp_path / "fields.pvd").read_text(encoding="utf-8")
     for number, step in enumerate(indented, 1):
         assert f'timestep="{number}" part="0" file="fields.series/{number:04d}.vtu"' in text

@@ -58,7 +58,7 @@ def test_added_field_appears_everywhere(extended, synthetic, tmp_path):
         assert file["steps/0001/resultants/work"].attrs["units"] == "J"
     assert len(read_result(tmp_path).steps) == 1
 
-    write_fields(tmp_path, result)
+    write_fields(result, tmp_path)
     np.testing.assert_allclose(meshio.read(tmp_path / "fields.vtu").point_data["work of the pressure [J/m^2]"], work)
 
     assert summary(result)["steps"][0]["work"] == pytest.approx(energy)
