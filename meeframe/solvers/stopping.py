@@ -253,16 +253,13 @@ class ConvergenceMonitor:
         """Record an iterate after one more step; return whether it has been evaluated."""
         problem, criteria = self._problem, self._criteria
         self.iteration += 1
-        infeasible = False
         if iterate.estimate is None:
             self._follow(iterate)
         elif problem.prescribed_resultants:
             entry = (self.iteration, iterate.estimate)
             self._estimates = Progression.start(entry) if self._estimates is None else self._estimates.add(entry)
-            if self._estimates.stalled_for >= INFEASIBLE_WINDOW:
-                infeasible = bool(self._insufficiency(evaluate(problem, iterate)))
-        if infeasible:
-            self._window = 0
+            if self._estimates.stalled_for >= INFEASIBLE_WINDOW and self._insufficiency(evaluate(problem, iterate)):
+                self._window = 0
         if not (self._is_due(iterate) or self._cycle.is_closed or not self._window):
             return False
         previous, self._state = None if criteria.by_residual else self._state, None

@@ -55,20 +55,18 @@ class _Guard:
 
     def next(self, violation: float) -> "_Guard":
         """Return the monitor after a further violation."""
-        shorter = max(SHORTENING_FACTOR * self.shortening, MIN_SHORTENING)
-        best = min(violation, self.best)
+        shorter, best = max(SHORTENING_FACTOR * self.shortening, MIN_SHORTENING), min(violation, self.best)
         steps, rounds = PLAIN_STEPS * self.plain_rounds, self.plain_rounds
         if self.idle >= MAX_IDLE_STEPS:
             return _Guard((violation,), best, 0, steps, 3 * rounds, self.lengthens_on_rise, shorter)
         if self.violations and violation > MAX_RISE * max(self.violations):
             steps, rounds = (steps, 2 * rounds) if self.lengthens_on_rise else (PLAIN_STEPS, rounds)
             return _Guard((violation,), best, self.idle, steps, rounds, self.lengthens_on_rise, shorter)
-        better = violation < self.best
         return replace(
             self,
             violations=(*self.violations, violation)[-WINDOW:],
             best=best,
-            idle=0 if better or self.plain_steps else self.idle + 1,
+            idle=0 if violation < self.best or self.plain_steps else self.idle + 1,
             plain_steps=max(self.plain_steps - 1, 0),
         )
 

@@ -51,6 +51,7 @@ from meeframe.laws.base import (
 from meeframe.system.capabilities import ApproximateInverse
 from meeframe.system.node_blocks import NodeBlocks
 
+_Entries = dict[tuple[int, int], Array]
 FRACTION: Final = -1
 """Row and column of the contact fraction in arrays: the last one, after the fields."""
 FLUX_ROWS: Final = slice(N_MECHANICAL, FRACTION)
@@ -328,9 +329,8 @@ class ResidualState:
         contact_fraction = np.where(biactive, contact_fraction, trial < 0.0)
         nodes = np.flatnonzero((contact_fraction != self.contact_fraction) | (biactive != self.biactive))
         scales, sigma, fraction = self.equation.scales, self.sigma[nodes], contact_fraction[nodes]
-        change = (np.clip(fraction, 0.0, 1.0) - np.clip(self.contact_fraction[nodes], 0.0, 1.0))[:, None] * self.jump[
-            nodes
-        ]
+        step = np.clip(fraction, 0.0, 1.0) - np.clip(self.contact_fraction[nodes], 0.0, 1.0)
+        change = step[:, None] * self.jump[nodes]
         transmissivity, residual = (values.copy(order="K") for values in (self.transmissivity, self.residual))
         transmissivity[nodes] += change
         residual[nodes, FLUX_ROWS] += change * self.drive[nodes] / scales.drop
@@ -386,7 +386,7 @@ class ResidualState:
         )
         return violation
 
-    def _trial_by_fraction(self, trial: Array, switch_value: Array) -> Array:
+    def _linearised_trial(self, trial: Array, switch_value: Array) -> Array:
         """Return the trial (n, 3) at which the laws are linearised, from that of the state.
 
         A biactive node whose fraction is at an end is pressed or open according to that, not to a trial that is almost
@@ -410,68 +410,73 @@ class ResidualState:
 
         Between open and closed a biactive node has p_nu = 0 and g_nu = 0; the second equation stands in the row of c.
         """
-        equation, scales = self.equation, self.equation.scales
-        law = equation.problem.contact_law
-        actual, switch_value = self.trial, self.switch
+        equation, pressure, gap = self.equation, self.equation.scales.pressure, self.relative_displacement[:, NORMAL]
+        actual, switch_value, fraction = self.trial, self.switch, equation.problem.fields.size
         between = self.biactive & (switch_value > 0.0) & (switch_value < 1.0)
-        # a fraction that stays at its end changes no flux, and its row then involves the node alone
-        stays = (self.residual[:, FRACTION] == 0.0) & ~between
-        moves = between | (self.biactive & ~stays & (self.contact_fraction >= 0.0) & (self.contact_fraction <= 1.0))
+        normal_traction = contact_traction(equation.problem.contact_law, self.load[:, NORMAL], gap)
         residual = self.residual.copy(order="K")
-        normal_traction = contact_traction(law, self.load[:, NORMAL], self.relative_displacement[:, NORMAL])
-        residual[between, MECHANICAL] = self.load[between, MECHANICAL] / scales.pressure
-        residual[between, NORMAL] = normal_traction[between] / scales.pressure
-        residual[between, FRACTION] = equation.r * self.relative_displacement[between, NORMAL] / scales.pressure
-        trial = self._trial_by_fraction(actual, switch_value)
-        gap, r, n = self.relative_displacement[:, MECHANICAL], (equation.r, equation.r), len(trial)
-        a, b = (defaultdict[tuple[int, int], Array](partial(np.zeros, n)) for _ in range(2))
-        for nodes in node_blocks(law, n):  # tangents of all nodes would take as much memory as everything else
+        residual[between, MECHANICAL] = self.load[between, MECHANICAL] / pressure
+        residual[between, NORMAL] = normal_traction[between] / pressure
+        residual[between, FRACTION] = equation.r * gap[between] / pressure
+        a, b = (defaultdict[tuple[int, int], Array](partial(np.zeros, len(gap))) for _ in range(2))
+        self._linearise_tractions(a, b, residual, actual, self._linearised_trial(actual, switch_value), between)
+        a[fraction, fraction] = np.where(between, 0.0, self.sigma / pressure)
+        b[fraction, NORMAL] = np.where(between, -equation.r / pressure, 0.0)
+        self._linearise_fluxes(a, b, normal_traction, between)
+        max_motion = MAX_MOTION_RATIO * float(np.abs(self.motion / equation.units).max(initial=1.0))
+        of_unknowns, of_displacement = (NodeBlocks.of(entries, residual.T.shape) for entries in (a, b))
+        return Linearization(of_unknowns, of_displacement, residual, self.balance, max_motion)
+
+    def _linearise_tractions(
+        self, a: _Entries, b: _Entries, residual: Array, actual: Array, trial: Array, between: Mask
+    ) -> None:
+        """Set the rows of the tractions in A, B and, where a trial (n, 3) is not the actual one, in the residual."""
+        law, pressure, r = self.equation.problem.contact_law, self.equation.scales.pressure, (self.equation.r,) * 2
+        gap = self.relative_displacement[:, MECHANICAL]
+        for nodes in node_blocks(law, len(trial)):  # tangents of all nodes would take as much memory as all else
             by_trial, by_gap = traction_tangents(law, trial[nodes], gap[nodes], r, between[nodes])
             other = np.flatnonzero((trial[nodes] != actual[nodes]).any(axis=1))
             if other.size:  # value of that linearisation at the actual trial
                 off = np.einsum("nij,nj->ni", by_trial[other], actual[nodes][other] - trial[nodes][other])
                 projected = fixed_point_map(law, trial[nodes], gap[nodes], r)[other]
-                remainder = self.load[nodes, MECHANICAL][other] - projected - off
-                residual[nodes, MECHANICAL][other] = remainder / scales.pressure
+                residual[nodes, MECHANICAL][other] = (self.load[nodes, MECHANICAL][other] - projected - off) / pressure
             for entries, tangents, factor in ((a, by_trial, -1.0), (b, by_gap, 1.0)):
                 for i, j in np.ndindex(3, 3):
                     if tangents[:, i, j].any():
-                        np.multiply(tangents[:, i, j], factor / scales.pressure, out=entries[i, j][nodes])
+                        np.multiply(tangents[:, i, j], factor / pressure, out=entries[i, j][nodes])
         for i in range(3):
-            a[i, i] += 1.0 / scales.pressure
-        fraction = equation.problem.fields.size
-        a[fraction, fraction] = np.where(between, 0.0, self.sigma / scales.pressure)
-        b[fraction, NORMAL] = np.where(between, -equation.r / scales.pressure, 0.0)
+            a[i, i] += 1.0 / pressure
+
+    def _linearise_fluxes(self, a: _Entries, b: _Entries, normal_traction: Array, between: Mask) -> None:
+        """Set the rows of the potentials in A and B; normal_traction: (n,) that of the contact, without attraction."""
+        equation, scales, problem = self.equation, self.equation.scales, self.equation.problem
+        law, gap, heated = problem.contact_law, self.relative_displacement, thermal_channel(problem)
+        # a fraction that stays at its end changes no flux, and its row then involves the node alone
+        stays = (self.residual[:, FRACTION] == 0.0) & ~between
+        moves = between | (self.biactive & ~stays & (self.contact_fraction >= 0.0) & (self.contact_fraction <= 1.0))
         contact_fraction = np.clip(self.contact_fraction, 0.0, 1.0)
-        conducted = conducted_flux(equation.problem, self.load, self.relative_displacement)
-        unloaded_position = equation.transmissivity.unloaded(self.relative_displacement, conducted)
+        unloaded = equation.transmissivity.unloaded(gap, conducted_flux(problem, self.load, gap))
         projected = self.load[:, NORMAL] - scales.pressure * self.residual[:, NORMAL]
-        ends = normal_traction, contact_traction(law, projected, self.relative_displacement[:, NORMAL])
-        slope = contact_fraction[:, None] * equation.transmissivity.slope(*ends, unloaded_position)
+        ends = normal_traction, contact_traction(law, projected, gap[:, NORMAL])
+        slope = contact_fraction[:, None] * equation.transmissivity.slope(*ends, unloaded)
         share, gap_slope = self.transmissivity, None
-        if depends_on_gap(equation.problem):
-            gap_slope, drop_slope = equation.transmissivity.gap_slopes(
-                normal_traction, unloaded_position, contact_fraction
-            )
+        if depends_on_gap(problem):
+            gap_slope, drop_slope = equation.transmissivity.gap_slopes(normal_traction, unloaded, contact_fraction)
             share = share - self.drive * drop_slope
         if is_adhesive(law):
-            by_attraction = slope * attraction_slope(law, self.relative_displacement[:, NORMAL])[:, None]
+            by_attraction = slope * attraction_slope(law, gap[:, NORMAL])[:, None]
             gap_slope = -by_attraction if gap_slope is None else gap_slope - by_attraction
-        heated = thermal_channel(equation.problem)
-        for k, field in enumerate(range(N_MECHANICAL, fraction)):
+        for k, field in enumerate(range(N_MECHANICAL, problem.fields.size)):
             unit = scales.drop[k]
             drive = self.drive[:, k] / unit
             a[field, field] = equation.self_compliance[:, k] / unit * (1.0 - share[:, k])
             a[field, NORMAL] = drive * slope[:, k]
-            a[field, fraction] = np.where(moves, drive * self.jump[:, k], 0.0)
+            a[field, problem.fields.size] = np.where(moves, drive * self.jump[:, k], 0.0)
             b[field, field] = share[:, k] / unit
             if gap_slope is not None:
                 b[field, NORMAL] = -drive * gap_slope[:, k]
             if k == heated:
-                for column, factor in heat_factors(equation.problem).items():
+                for column, factor in heat_factors(problem).items():
                     generation = factor * a[field, field]
-                    a[field, column] = generation * self.relative_displacement[:, column]
+                    a[field, column] = generation * gap[:, column]
                     b[field, column] = -generation * self.load[:, column]
-        max_motion = MAX_MOTION_RATIO * float(np.abs(self.motion / equation.units).max(initial=1.0))
-        of_unknowns, of_displacement = (NodeBlocks.of(entries, residual.T.shape) for entries in (a, b))
-        return Linearization(of_unknowns, of_displacement, residual, self.balance, max_motion)
