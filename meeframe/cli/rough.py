@@ -42,6 +42,18 @@ def rough(
     unit: Annotated[
         str | None, typer.Option(metavar="LENGTH", help="Unit of the heights in a file, such as '1 nm'.")
     ] = None,
+    lateral_unit: Annotated[
+        str | None, typer.Option(metavar="LENGTH", help="Unit of the coordinates in a file, such as '1 um'.")
+    ] = None,
+    dataset: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Dataset of an HDF5 file, or channel of an instrument.")
+    ] = None,
+    outliers: Annotated[
+        float | None,
+        typer.Option(
+            metavar="NUMBER", help="Remove heights that deviate more standard deviations than this from those around."
+        ),
+    ] = None,
     levelled: Annotated[
         Literal["plane", "quadratic"] | None,
         typer.Option(metavar="TREND", help="Subtract the best-fit 'plane' or 'quadratic' surface from the heights."),
@@ -87,6 +99,14 @@ def rough(
 
         if material is not None and modulus is not None:
             raise CaseError(f"--material {material} and --modulus {modulus}: allowed: one of them")
+        prepared = {
+            "unit": unit,
+            "lateral_unit": lateral_unit,
+            "dataset": dataset,
+            "outliers": outliers,
+            "levelled": levelled,
+            "missing": missing,
+        }
         options: dict[str, Any] = {
             "material": _material(material, modulus),
             "pressures": _pressures(pressure, first, last, count),
@@ -98,9 +118,7 @@ def rough(
             "contact_conductance": _or_infinite(contact_conductance) if contact_conductance else None,
             "surface": {
                 **({"spacing": [spacing, spacing]} if spacing else {}),
-                **({"unit": unit} if unit else {}),
-                **({"levelled": levelled == "plane" or levelled} if levelled else {}),
-                **({"missing": missing} if missing else {}),
+                **{key: value for key, value in prepared.items() if value is not None},
             },
         }
         registry = console.registry(plugin)

@@ -109,11 +109,14 @@ def _relative(result: RoughResult) -> Array:
 
 
 def _draw_area(axes: Any, result: RoughResult) -> None:
-    relative = _relative(result)
+    relative, study = _relative(result), result.study
     fine = np.linspace(0.0, 1.05 * relative.max(), 100)
     linear = bush_gibson_thomas_area(fine)
     axes.plot(fine, np.where(linear <= 1.0, linear, np.nan), "--", color=LINE_COLOURS[1], label="Bush, Gibson, Thomas")
     axes.plot(fine, persson_area(fine), ":", color=LINE_COLOURS[2], label="Persson")
+    if np.isfinite(study.bound):
+        plastic = np.minimum(fine * study.modulus * study.slope / study.bound, 1.0)
+        axes.plot(fine, plastic, "-.", color=LINE_COLOURS[3], label="perfectly plastic")
     axes.plot(relative, result.values["area_fraction"], "o-", color=LINE_COLOURS[0], label="meeframe")
     axes.set(xlabel="mean pressure / (E* × r.m.s. slope)", ylabel="contact area / nominal area", xlim=(0.0, None))
     axes.set_ylim(0.0, None)

@@ -83,10 +83,11 @@ def dataset(result: RoughResult) -> Any:
         "x": (["x"], surface.x, _named("m", "x")),
         "y": (["y"], surface.y, _named("m", "y")),
     }
-    data = xarray.Dataset(
-        variables, coordinates, {"format": FORMAT, "title": title, "planned": planned, **facts(result)}
-    )
-    return data.merge(_curves(surface))
+    keys = result.study.table.model_dump(exclude_defaults=True, exclude={"title", "pressures"})
+    # a surface or law made in Python is recorded by its type
+    declared = json.dumps(keys, default=lambda value: type(value).__name__)
+    attributes = {"format": FORMAT, "title": title, "planned": planned, "study": declared, **facts(result)}
+    return xarray.Dataset(variables, coordinates, attributes).merge(_curves(surface))
 
 
 @memoize_by_identity

@@ -107,7 +107,7 @@ class Contact:
             separation=mean(gap),
             approach=step.loading.approach,
             max_pressure=totals.max_pressure,
-            charge_density=-mean(step.fluxes[:, CHARGE]),
+            charge_density=0.0 - mean(step.fluxes[:, CHARGE]),  # no -0.0
             potential_drop=drop,
             max_gap=float(np.abs(gap).max()),
             max_potential=max(abs(potential), float(np.abs(step.potentials[:, CHARGE]).max())),

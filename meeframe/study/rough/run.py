@@ -21,6 +21,13 @@ from meeframe.system.reduced import Progress, ReducedSystem, silent
 
 MIN_DIFFERENCE: Final = 1e-4
 """Half the relative difference of the two pressures between which the stiffness is computed, if they are accurate."""
+MIN_YIELDING_NODES: Final = 20
+"""Half that difference, in nodes at the largest pressure that a contact law bears.
+
+Where a load that a few nodes bear closes none of them, the stiffness of a discrete surface jumps from node to node.
+"""
+MAX_DIFFERENCE: Final = 0.1
+"""Largest half difference of the pressures, with which the stiffness is accurate to about a per cent."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +138,7 @@ class _Solution:
         insulated = replace(case, conductivity={}, potentials={})
         main = self._steps(charged if self._has_charge else insulated, self._system)
         reference = self._steps(_at_potential(case, 0.0), self._system) if self._has_reference else None
-        current = self._currents() if self._has_current else None
+        current = self._currents(self._current_case()) if self._has_current else None
         nearby = self._steps(self._nearby(), self._system) if study.table.stiffness else None
         for pressure in study.pressures:
             steps = {"main": next(main)}
@@ -187,13 +194,16 @@ class _Solution:
             self._progress("pressures", self._done / self._planned)
             yield step
 
-    def _currents(self) -> Iterator[StepResult]:
-        """Yield the increments at one volt of a body in which electric fields represent currents."""
+    def _current_case(self) -> Case:
+        """Return the case at one volt of a body in which electric fields represent currents."""
         study = self._study
         assert study.table.electrical_conductivity is not None
         material = conductor(study.case.material, study.table.electrical_conductivity)
         laws = {"electric": study.current_law}
-        case = _at_potential(replace(study.case, material=material, conductivity=laws), 1.0)
+        return _at_potential(replace(study.case, material=material, conductivity=laws), 1.0)
+
+    def _currents(self, case: Case) -> Iterator[StepResult]:
+        """Yield the increments of currents, whose system is reduced when the first one is asked for."""
         yield from self._steps(case, reduce(case))
 
     def _nearby(self) -> Case:
@@ -202,18 +212,23 @@ class _Solution:
         Where the contact law cannot bear the pressure above, that of the study takes its place.
         """
         case = self._study.case
-        difference = max(MIN_DIFFERENCE, math.sqrt(case.stopping.tolerance))
         charged = self._has_charge and self._study.is_coupled
-        bound = self._study.bound
         steps = [
             replace(step, normal_force=step.normal_force * factor)
             for pressure, step in zip(self._study.pressures, case.steps, strict=True)
             if step.normal_force is not None
-            for factor in (1.0 - difference, 1.0 + difference if pressure * (1.0 + difference) < bound else 1.0)
+            for factor in self._factors(float(pressure))
         ]
         if charged:
             return _at_potential(replace(case, steps=tuple(steps)), self._study.table.electric_potential or 0.0)
         return replace(case, steps=tuple(steps), conductivity={}, potentials={})
+
+    def _factors(self, pressure: float) -> tuple[float, float]:
+        """Return the ratios to a mean pressure of the pressures just below and above it."""
+        bound, accurate = self._study.bound, math.sqrt(self._study.case.stopping.tolerance)
+        yielding = MIN_YIELDING_NODES * bound / (pressure * self._study.surface.heights.size) if bound < np.inf else 0.0
+        difference = max(MIN_DIFFERENCE, accurate, min(yielding, MAX_DIFFERENCE))
+        return 1.0 - difference, 1.0 + difference if pressure * (1.0 + difference) < bound else 1.0
 
 
 def _at_potential(case: Case, potential: float) -> Case:

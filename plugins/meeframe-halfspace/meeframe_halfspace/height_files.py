@@ -128,9 +128,8 @@ def _read_hdf5(path: Path, scales: Scales) -> HeightMap:
         name = scales.dataset or (datasets[0] if len(datasets) == 1 else None)
         dataset = None if name is None else file.get(name)  # None for a broken link, too
         if not isinstance(dataset, h5py.Dataset):
-            raise ValueError(
-                f"dataset = {scales.dataset!r}; the matrices in the file are {', '.join(datasets) or 'none'}"
-            )
+            matrices = ", ".join(datasets) or "none"
+            raise ValueError(f"dataset = {scales.dataset!r}: must name one of the matrices in the file: {matrices}")
         _check_matrix(dataset)  # before texts of any length are read
         return _from_array(np.asarray(dataset), scales)
 

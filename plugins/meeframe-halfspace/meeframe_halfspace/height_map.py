@@ -48,8 +48,8 @@ class MeasuredHeights(Indenter):
         Path of the dataset in an HDF5 file, or name of the channel of an instrument.
     facing : {'up', 'down'}
         'up' as measured, so that peaks touch first, or 'down' as the height of an indenter.
-    levelled : bool or {'quadratic'}
-        Whether the best-fit plane is subtracted, or with 'quadratic' the best-fit paraboloid.
+    levelled : bool or {'plane', 'quadratic'}
+        Whether the best-fit plane is subtracted (true or 'plane'), or the best-fit paraboloid ('quadratic').
     centred : bool
         Whether the middle of the map is on the axis of the indenter; otherwise its coordinates apply.
     outliers : float or None
@@ -67,7 +67,7 @@ class MeasuredHeights(Indenter):
     spacing: tuple[Length, Length] | None = None
     dataset: str | None = None
     facing: Literal["up", "down"] = "up"
-    levelled: bool | Literal["quadratic"] = False
+    levelled: bool | Literal["plane", "quadratic"] = False
     centred: bool = True
     outliers: Annotated[float, Quantity("", gt=0)] | None = None
     missing: Literal["error", "nearest", "harmonic"] = "error"

@@ -137,6 +137,31 @@ def test_height_map_with_options(tmp_path):
     assert facts["rms_height"] == pytest.approx(1e-9 * levelled.rms_height, rel=2e-3)
 
 
+def test_files_with_coordinates_and_several_matrices(tmp_path):
+    matrix, points, both = tmp_path / "matrix.npy", tmp_path / "points.txt", tmp_path / "both.h5"
+    heights(matrix)
+    values = np.load(matrix)
+    y, x = np.mgrid[:24, :24] * 0.5
+    np.savetxt(points, np.column_stack([x.ravel(), y.ravel(), values.ravel()]))
+    with h5py.File(both, "w") as file:
+        file["first"], file["second"] = values, 2.0 * values
+    steel = ("--material", "steel", "--pressure", "50 MPa", "--unit", "1 nm")
+    facts = []
+    for file, options in (
+        (matrix, ("--spacing", "0.5 um")),
+        (points, ("--lateral-unit", "1 um")),
+        (both, ("--spacing", "0.5 um", "--dataset", "first")),
+    ):
+        done = invoke(file, "--out", tmp_path / file.stem, *steel, *options)
+        assert done.exit_code == 0, done.output
+        facts.append(json.loads((tmp_path / file.stem / "surface.json").read_text()))
+    for other in facts[1:]:
+        assert other == pytest.approx(facts[0], rel=1e-12)
+    done = invoke(both, "--out", tmp_path / "out", *steel, "--spacing", "0.5 um")
+    assert done.exit_code == 2
+    assert "must name one of the matrices in the file: first, second" in " ".join(done.output.split())
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
