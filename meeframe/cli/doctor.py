@@ -4,6 +4,7 @@ import os
 import platform
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -149,14 +150,21 @@ def _origin(distribution: str) -> str:
 
 
 def _extras() -> Iterator[Finding]:
-    """Yield a finding for each extra of meeframe, with the packages that are missing."""
+    """Yield a finding for each extra of meeframe and of its half space, with the packages that are missing."""
     section = "optional"
     for extra, purpose in _PURPOSES.items():
-        missing = sorted(_missing("meeframe", extra))
-        state = f"missing: {', '.join(missing)}; pip install 'meeframe[{extra}]'" if missing else "installed"
-        yield Finding(section, extra, f"{purpose}: {state}")
+        yield Finding(section, extra, f"{purpose}: {_state('meeframe', extra)}")
         section = ""
+    with suppress(metadata.PackageNotFoundError):  # a plugin
+        state = _state("meeframe-halfspace", "instruments")
+        yield Finding("", "instruments", f"height maps from files of instruments: {state}")
     yield Finding("", "cupy", f"device = 'gpu' of half-space: {_graphics_processor()}")
+
+
+def _state(distribution: str, extra: str) -> str:
+    """Return whether an extra of a distribution is installed, and how to install it. Raises PackageNotFoundError."""
+    missing = sorted(_missing(distribution, extra))
+    return f"missing: {', '.join(missing)}; pip install '{distribution}[{extra}]'" if missing else "installed"
 
 
 def _graphics_processor() -> str:

@@ -32,6 +32,8 @@ FORMULATION: Final = "half-space"
 """Formulation of rough contact, of the package meeframe-halfspace."""
 PERFECT: Final = StepConductivity(math.inf)
 """Law of an interface without a film, which charges and currents pass wherever the surfaces touch."""
+MAX_PLAUSIBLE_RATIO: Final = 2.0
+"""Ratio of the smallest pressure to E* h' above which a study shows full contact alone."""
 _CONDUCTANCE: Final = Quantity("S/m^2", ge=0)
 _CURRENT_UNITS: Final = "S/m^2 S/m V/m"
 """Units of laws of currents."""
@@ -142,8 +144,16 @@ class RoughStudy:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Properties of the surface that are hardly plausible, in words."""
-        return tuple(diagnostics(self.surface, self.slope))
+        """Properties of the surface and its pressures that are hardly plausible, in words."""
+        full, least = self.modulus * self.slope, float(self.pressures.min())
+        if least <= MAX_PLAUSIBLE_RATIO * full:
+            return tuple(diagnostics(self.surface, self.slope))
+        return (
+            *diagnostics(self.surface, self.slope),
+            f"the smallest pressure, {least:.3g} Pa, is {least / full:.3g} times E* h' ({full:.3g} Pa), at which "
+            "nearly the whole surface is in contact; probably heights or coordinates have another unit (surface.unit, "
+            "surface.lateral_unit)",
+        )
 
 
 def declare(tables: Mapping[str, Any], registry: Registry, folder: Path = Path(), origin: str = "") -> RoughStudy:

@@ -249,6 +249,15 @@ def test_implausible_units_are_warned_of(tmp_path):
     assert "another unit" in done.output
 
 
+def test_pressures_of_full_contact_are_warned_of(tmp_path):
+    """Coordinates in micrometres that are read as metres make the surface flat."""
+    path = heights(tmp_path / "map.npy", 8)
+    options = ("--modulus", "70 GPa", "--spacing", "0.5 m", "--unit", "1 nm", "--pressure", "1 MPa")
+    done = invoke(path, "--out", tmp_path / "out", *options)
+    assert "warning: the smallest pressure, 1e+06 Pa, is " in done.output
+    assert "nearly the whole surface is in contact" in " ".join(done.output.split())
+
+
 @pytest.mark.full
 @pytest.mark.parametrize(
     ("end", "status", "message"),
