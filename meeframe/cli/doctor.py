@@ -53,8 +53,8 @@ class Finding:
 def doctor() -> None:
     """Report versions, threads, caches, plugins and missing optional packages of this installation.
 
-    The exit status is 0 if there is no problem, 1 if a plugin is broken or compiled kernels cannot be cached, and 2 if
-    the package cannot be loaded because of that.
+    The exit status is 0 if there is no problem, 1 if a plugin is broken or compiled kernels cannot be cached, and 2 if,
+    for that reason, the package cannot be loaded.
     """
     from meeframe.common.literal import LiteralTable
 

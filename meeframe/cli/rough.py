@@ -27,11 +27,10 @@ def rough(
     ] = None,
     first: Annotated[str | None, typer.Option("--from", metavar="PRESSURE", help="Smallest mean pressure.")] = None,
     last: Annotated[str | None, typer.Option("--to", metavar="PRESSURE", help="Largest mean pressure.")] = None,
-    count: Annotated[
-        int | None, typer.Option(metavar="N", help="Number of pressures from --from to --to, which have defaults.")
-    ] = None,
+    count: Annotated[int | None, typer.Option(metavar="N", help="Number of pressures between --from and --to.")] = None,
     periodic: Annotated[
-        bool | None, typer.Option("--periodic/--free", help="Whether the surface is one period of an infinite one.")
+        bool | None,
+        typer.Option("--periodic/--free", help="Treat the surface as one period of an infinite one or not."),
     ] = None,
     samples: Annotated[
         int | None, typer.Option(metavar="N", help="Resample the surface to this number of nodes along x.")
@@ -51,7 +50,7 @@ def rough(
     outliers: Annotated[
         float | None,
         typer.Option(
-            metavar="NUMBER", help="Remove heights that deviate more standard deviations than this from those around."
+            metavar="NUMBER", help="Remove heights that differ from those around by more standard deviations than this."
         ),
     ] = None,
     levelled: Annotated[

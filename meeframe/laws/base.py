@@ -338,8 +338,8 @@ class ConductivityLaw(TimeLimited, ABC):
         Returns
         -------
         Array
-            kappa, (n,) >= 0, in F/m^2 for the electric law and H/m^2 for the magnetic one; 0 insulates, inf conducts
-            perfectly.
+            kappa, (n,) >= 0, in the unit of the scalar field: F/m^2 for the electric law, H/m^2 for the magnetic one;
+            0 insulates, inf conducts perfectly.
 
         Notes
         -----

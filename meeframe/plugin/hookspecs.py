@@ -74,7 +74,7 @@ class HookSpecs:
 
     @hookspec
     def meeframe_conductivity_laws(self) -> Iterable[Record[ConductivityLaw]]:  # type: ignore[empty-body]
-        """Return electric and magnetic conductivity laws (abstract class: meeframe.laws.base)."""
+        """Return conductivity laws, of fluxes through the interface (abstract class: meeframe.laws.base)."""
 
     @hookspec
     def meeframe_wear_laws(self) -> Iterable[Record[WearLaw]]:  # type: ignore[empty-body]

@@ -33,7 +33,7 @@ class _Stage:
 
 
 FRICTIONLESS: Final = ProjectedCG()
-"""Solver of the first stage where it accepts the problem and there is no matrix. Gain: up to 1.29 (ablation)."""
+"""Solver of the first stage where it accepts the problem and there is no matrix."""
 STAGES: Final = (
     _Stage(SemismoothNewton(), 1, 15),
     _Stage(Nesterov(), 25, 30),

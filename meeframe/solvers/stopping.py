@@ -237,7 +237,7 @@ class ConvergenceMonitor:
         return 0.0 if self._progression is None else self._progression.fraction(self._criteria.tolerance)
 
     def begin(self, iterate: Iterate) -> None:
-        """Record the first iterate. By its solver's estimate one may be too far to be evaluated (gain: 1.29)."""
+        """Record the first iterate. By its solver's estimate one may be too far to be evaluated."""
         if self._problem.prescribed_resultants and beyond_bound(self._problem):
             self._window = 0
         estimate, tolerance = iterate.estimate, self._criteria.tolerance

@@ -30,7 +30,7 @@ MIN_STIFFNESS_RATIO: Final = 1e-12
 ROUND_OFF_FACTOR: Final = 10.0
 """Bound on the round-off of products of a vector, in units of the round-off of the vector."""
 MIN_SINGLE_TOLERANCE: Final = 3e-5
-"""Smallest tolerance for which single precision suffices. Gain: up to 1.12 (validation/benchmarks/ablation.py)."""
+"""Smallest tolerance for which single precision suffices."""
 MIN_TOLERANCE_FACTOR: Final = 1e-3
 """Smallest factor by which a large prescribed part of a step reduces the tolerance of the solution."""
 

@@ -204,7 +204,7 @@ def _tolerance(memory: _Memory) -> float:
     """Return the fraction of the residual that the linear equations may leave.
 
     As much as Newton's method itself seems to leave (Eisenstat and Walker, SIAM J. Sci. Comput. 17 (1996) 16, choice
-    2), but no less than suffices at the end. Gain of a whole run by validation/benchmarks/ablation.py: up to 1.17.
+    2), but no less than suffices at the end. Gains of accelerations are in docs/validation/performance.md.
     """
     sufficient = memory.sufficient_residual / (memory.state.law_residual or np.inf)
     return float(np.clip(max(0.9 * memory.fall**1.5, sufficient), MIN_TOLERANCE, MAX_TOLERANCE))
@@ -213,7 +213,7 @@ def _tolerance(memory: _Memory) -> float:
 def _coarse_solution(fine_problem: ContactProblem) -> tuple[Coarse, Iterate] | None:
     """Return the problem on a coarser system and its approximate solution.
 
-    None if there is no such system, or a solution is not found or without load. Gain: 1.33.
+    None if there is no such system, or a solution is not found or without load.
     """
     coarse = coarse_problem(fine_problem)
     if coarse is None:

@@ -53,7 +53,7 @@ def contact_neighbourhood(problem: ContactProblem, contact: Mask) -> ContactNeig
     """Return the problem on a neighbourhood of the nodes (n,) in contact, or None.
 
     It includes a margin and all nodes that may be loaded while they are open. The result is None if the system cannot
-    be restricted in this way, or if the law is not the same at all nodes. Gain: up to 1.14 (ablation).
+    be restricted in this way, or if the law is not the same at all nodes.
     """
     if not contact.any() or not is_uniform(problem.contact_law, len(problem.gap)):
         return None

@@ -41,7 +41,7 @@ def preconditioner(jacobian: ReducedJacobian) -> Linear:
     At biactive nodes pressure and gap are zero. In the preconditioner their gap is paired with the pressure, as
     everywhere in contact, and the condition of zero pressure with the contact fraction, which alone can satisfy it,
     through the response that it causes nearby. Fluxes of these nodes count as fully conducted, since they act on the
-    surrounding nodes at any contact fraction. Gain: up to 1.77 (validation/benchmarks/ablation.py).
+    surrounding nodes at any contact fraction.
     """
     n_fields = jacobian.equation.problem.fields.size
     if n_fields not in jacobian.components:
@@ -175,7 +175,7 @@ class _Rotation:
     def of(cls, jacobian: ReducedJacobian) -> "_Rotation":
         """Return the rotation to the directions in which the tangential rows A involve their loads most and least.
 
-        The principal axes of A A^T: A is not symmetric where friction is orthotropic. Gain: up to 1.27.
+        The principal axes of A A^T: A is not symmetric where friction is orthotropic.
         """
         if jacobian.components[:2] != [0, 1]:
             return cls(None)
