@@ -342,7 +342,7 @@ def _read(text: str) -> dict[str, Any]:
     try:
         return toml_tables(text)
     except (ValueError, RecursionError) as error:
-        raise CaseError(f"the text is no case file: {error}") from None
+        raise CaseError(f"the text is not a case file: {error}") from None
 
 
 def _material(material: str | Mapping[str, Any] | Material) -> Any:

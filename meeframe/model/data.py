@@ -66,9 +66,9 @@ class Output:
         allowed = optional_fields()
         for name in self.fields or ():
             if name not in allowed:
-                raise CaseError(f"fields: {name!r} is no optional field; {field_choices(name, allowed)}")
+                raise CaseError(f"fields: {name!r} is not an optional field; {field_choices(name, allowed)}")
         if self.step not in NAMED and not step_numbers(self.step):
-            raise CaseError(f"step: {self.step!r} is no increment; {ALLOWED}")
+            raise CaseError(f"step: {self.step!r} is not an increment; {ALLOWED}")
 
 
 @dataclass(frozen=True, eq=False)

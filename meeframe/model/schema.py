@@ -263,14 +263,14 @@ class OutputTable(Table):
         allowed = optional_fields()
         for number, name in enumerate(names or ()):
             if name not in allowed:
-                raise TableError(Problem((number,), f"is no optional field; {field_choices(name, allowed)}", name))
+                raise TableError(Problem((number,), f"is not an optional field; {field_choices(name, allowed)}", name))
         return names
 
     @field_validator("step")
     @classmethod
     def _increment(cls, step: str) -> str:
         if step not in NAMED and not step_numbers(step):
-            raise TableError(Problem((), f"is no increment; {ALLOWED}", step))
+            raise TableError(Problem((), f"is not an increment; {ALLOWED}", step))
         return step
 
 
@@ -302,7 +302,7 @@ class CaseTable(Table):
             number: step.increments if step.rolling is None else MAX_CELLS for number, step in enumerate(self.steps, 1)
         }
         if numbers and not (numbers[0] in counts and all(1 <= one <= counts[numbers[0]] for one in numbers[1:])):
-            text = f"is no increment of the case; allowed: peak, last, and {load_steps_in_words(counts)}"
+            text = f"is not an increment of the case; allowed: peak, last, and {load_steps_in_words(counts)}"
             raise TableError(Problem(("output", "step"), text, self.output.step))
         return self
 

@@ -588,6 +588,6 @@ def _get_cells(group: Any, n: int) -> Cells:
         dataset = group["cells"][name]
         connectivity: Indices = numbers_of(group["cells"], name, dataset.shape, "iu")
         if connectivity.ndim != 2 or ((connectivity < 0) | (connectivity >= n)).any():
-            raise ValueError(f"{dataset.name} are no numbers into {n} points")
+            raise ValueError(f"{dataset.name} are not numbers into {n} points")
         cells.append((text_of(dataset, "type"), connectivity))
     return tuple(cells)

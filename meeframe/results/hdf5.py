@@ -103,7 +103,7 @@ def text_of(group: Any, name: str) -> str:
     """Return an attribute. Raises ValueError unless it is a text."""
     text = group.attrs[name]
     if not isinstance(text, str):
-        raise ValueError(f"attribute {name!r} of {group.name} is no text")
+        raise ValueError(f"attribute {name!r} of {group.name} is not a text")
     return text
 
 

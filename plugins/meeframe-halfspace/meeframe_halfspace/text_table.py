@@ -62,7 +62,7 @@ class TextTable:
         return cls({n: line for n, line in lines.items() if n >= first}, commas, next(unknown, None))
 
     def numbers(self) -> Array:
-        """Return the rows as an array, nan for entries that are no numbers. Raises ValueError, naming a line."""
+        """Return the rows as an array, nan for entries that are not numbers. Raises ValueError, naming a line."""
         rows = {n: _entries(line, self.decimal_commas) for n, line in self.lines.items()}
         if all(row[-1] == "" for row in rows.values()):  # separators at the ends of lines
             rows = {n: row[:-1] for n, row in rows.items()}

@@ -97,7 +97,7 @@ class BoundarySystem:
         if not np.isfinite(rhs).all():
             raise CaseError(
                 f"{np.count_nonzero(~np.isfinite(rhs))} of {len(rhs)} right-hand sides of the boundary element system, "
-                "from tractions of the contact zone and prescribed data, are no finite numbers"
+                "from tractions of the contact zone and prescribed data, are not finite numbers"
             )
         iterations = 0
 

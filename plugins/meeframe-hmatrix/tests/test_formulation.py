@@ -273,7 +273,7 @@ def test_nonfinite_solution_is_rejected(systems, monkeypatch):
 
 
 def test_nonfinite_loads_are_rejected(systems):
-    with pytest.raises(CaseError, match=r"right-hand sides .* are no finite numbers"):
+    with pytest.raises(CaseError, match=r"right-hand sides .* are not finite numbers"):
         systems[1e-3].boundary.unknowns(np.full(5 * len(systems[1e-3].points), np.nan))
 
 

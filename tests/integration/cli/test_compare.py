@@ -124,7 +124,7 @@ def test_histories_are_compared_where_the_indenter_touches(write_case, laws, tmp
     assert shown("") == ("tiny, step 2", pytest.approx(5e8))
     assert shown(away, "last") == ("tiny, step 3", 0.0)
     assert shown(away, "1.1") == ("tiny, step 1, increment 1", pytest.approx(5e8))
-    with pytest.raises(CaseError, match=r"output.step = '4': is no increment of the case"):
+    with pytest.raises(CaseError, match=r"output.step = '4': is not an increment of the case"):
         shown(away, "4")
 
 

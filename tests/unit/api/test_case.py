@@ -305,7 +305,7 @@ def test_meshes_have_the_keys_and_defaults_of_case_files(recipe, table):
         (lambda: build(steps=[meeframe.Step(approach=1e-5, heat=0)]), r"Case: steps\[0\].heat = 0: unknown key"),
         (lambda: build(material="pzt-44"), "Case: material: unknown material 'pzt-44'; did you mean 'pzt-4'"),
         (lambda: build(restart="nowhere"), "Case: restart = 'nowhere': no result in nowhere"),
-        (lambda: meeframe.Case.from_toml("a = 1\nb ="), "the text is no case file"),
+        (lambda: meeframe.Case.from_toml("a = 1\nb ="), "the text is not a case file"),
     ],
 )  # fmt: skip
 def test_messages_name_argument_value_and_allowed_values(make, message):

@@ -320,13 +320,16 @@ WRONG_MORE = {
     ),
     "figures of no increment": (
         '[output]\nstep = "end"',
-        "output.step = 'end': is no increment; allowed: peak, last, a load",
+        "output.step = 'end': is not an increment; allowed: peak, last, a load",
     ),
     "figures of an absent step": (
         '[output]\nstep = "2"',
-        "output.step = '2': is no increment of the case; allowed: peak, last, and load step 1 (increment 1)",
+        "output.step = '2': is not an increment of the case; allowed: peak, last, and load step 1 (increment 1)",
     ),
-    "figures of an absent increment": ('[output]\nstep = "1.2"', "output.step = '1.2': is no increment of the case"),
+    "figures of an absent increment": (
+        '[output]\nstep = "1.2"',
+        "output.step = '1.2': is not an increment of the case",
+    ),
     "no flag": ('[output]\nvtu = "yes"', "output.vtu = 'yes': should be true or false"),
     "twice the same": (
         '[[boundary]]\ngroup = "base"\nelectric_flux = 0',
