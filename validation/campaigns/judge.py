@@ -87,9 +87,18 @@ SHAPES: Final = {
 def read(folder: Path) -> File:
     """Return the content of result.h5 in a folder."""
     with h5py.File(folder / "result.h5", "r") as file:
-        zone = {name: file[f"zone/{name}"][()] for name in ("points", "frames", "weights")}
+        zone = {name: file[f"zone/{name}"][()] for name in ("frames", "weights")}
+        zone["points"] = _points(file["zone/points"])
         steps = [_increment(file["steps"][name], len(zone["points"])) for name in sorted(file["steps"])]
         return File(tomllib.loads(file.attrs["case"]), **zone, increments=tuple(steps))
+
+
+def _points(entry: Any) -> Array:
+    """Return the points (n, 3) of a zone from a dataset, or from the coordinates of the rows and columns of a grid."""
+    if isinstance(entry, h5py.Dataset):
+        return np.asarray(entry[()])
+    x, y = np.meshgrid(entry["x"][()], entry["y"][()], indexing="ij")
+    return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
 
 
 def _increment(group: Any, n: int) -> Increment:
