@@ -30,7 +30,7 @@ def rough(
     count: Annotated[int | None, typer.Option(metavar="N", help="Number of pressures between --from and --to.")] = None,
     periodic: Annotated[
         bool | None,
-        typer.Option("--periodic/--free", help="Treat the surface as one period of an infinite one or not."),
+        typer.Option("--periodic/--free", help="Take the surface as one period of an infinite one, or as it is."),
     ] = None,
     samples: Annotated[
         int | None, typer.Option(metavar="N", help="Resample the surface to this number of nodes along x.")
@@ -99,6 +99,7 @@ def rough(
         if material is not None and modulus is not None:
             raise CaseError(f"--material {material} and --modulus {modulus}: allowed: one of them")
         prepared = {
+            "spacing": [spacing, spacing] if spacing else None,
             "unit": unit,
             "lateral_unit": lateral_unit,
             "dataset": dataset,
@@ -115,10 +116,7 @@ def rough(
             "electric_potential": potential,
             "electrical_conductivity": conductivity,
             "contact_conductance": _or_infinite(contact_conductance) if contact_conductance else None,
-            "surface": {
-                **({"spacing": [spacing, spacing]} if spacing else {}),
-                **{key: value for key, value in prepared.items() if value is not None},
-            },
+            "surface": {key: value for key, value in prepared.items() if value is not None},
         }
         registry = console.registry(plugin)
         chosen = {key: value for key, value in options.items() if value not in (None, {})}

@@ -193,7 +193,7 @@ def write_figures(result: Result, folder: Path, which: Which = None, suffix: str
     """
     check_format(suffix)
     drawn = figures(result, select(result, which))
-    make_folder(folder)
+    make_folder(folder, parents=True)
     paths = [folder / f"{name}.{suffix}" for name in drawn]
     for name, target in zip(list(drawn), paths, strict=True):
         with replacing(target) as path:

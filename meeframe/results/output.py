@@ -165,10 +165,10 @@ def check_writable(file: Path) -> None:
         raise ResultError(f"{file} cannot be written: {error.strerror or error}") from None
 
 
-def make_folder(folder: Path) -> None:
-    """Create a folder and its parents unless they exist. Raises ResultError."""
+def make_folder(folder: Path, parents: bool = False) -> None:
+    """Create a folder, with its parents if wanted, unless it exists. Raises ResultError."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=parents, exist_ok=True)
     except OSError as error:
         raise ResultError(f"folder {folder} cannot be written: {error.strerror or error}") from None
 

@@ -81,8 +81,8 @@ class CellShift:
             grid[along, across] = np.arange(len(points))
         if grid.min() < 0:
             raise CaseError(
-                "the nodes of the zone do not form a regular grid along this direction; allowed: a direction along "
-                "an axis of a regular grid"
+                "the nodes of the contact zone do not form a regular grid along this direction; allowed: a direction "
+                "along an axis of a regular grid"
             )
         return cls(grid, is_periodic, length, frames)
 

@@ -191,7 +191,8 @@ def _find_prism(body: Body) -> _Prism:
     of_face, of_base, of_side = (np.abs(along - cosine) <= TOLERANCE for cosine in (-1.0, 1.0, 0.0))
     if not ((on_face & of_face) | (on_base & of_base) | of_side).all():
         raise MeshError(
-            f"layers: the body is not a prism below the plane face of the zone {body.contact_group!r}; {_ALLOWED}"
+            "layers: the body is not a prism below the plane face of the contact zone "
+            f"{body.contact_group!r}; {_ALLOWED}"
         )
     base_groups = np.unique(corners.group[of_base])
     if len(base_groups) > 1:

@@ -143,17 +143,21 @@ class RoughStudy:
     current_law: ConductivityLaw
 
     @property
+    def pressure_scale(self) -> float:
+        """Pressure E* h' of theories [Pa]."""
+        return self.modulus * self.slope
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Properties of the surface and its pressures that are hardly plausible, in words."""
-        full, least = self.modulus * self.slope, float(self.pressures.min())
-        if least <= MAX_PLAUSIBLE_RATIO * full:
-            return tuple(diagnostics(self.surface, self.slope))
-        return (
-            *diagnostics(self.surface, self.slope),
-            f"the smallest pressure, {least:.3g} Pa, is {least / full:.3g} times E* h' ({full:.3g} Pa), at which "
-            "nearly the whole surface is in contact; probably heights or coordinates have another unit (surface.unit, "
-            "surface.lateral_unit)",
-        )
+        texts, least, scale = list(diagnostics(self.surface, self.slope)), self.pressures.min(), self.pressure_scale
+        if least > MAX_PLAUSIBLE_RATIO * scale:
+            texts.append(
+                f"the smallest pressure, {least:.3g} Pa, is {least / scale:.3g} times E* h' ({scale:.3g} Pa), at which "
+                "nearly the whole surface is in contact; probably heights or coordinates have another unit "
+                "(surface.unit, surface.lateral_unit)"
+            )
+        return tuple(texts)
 
 
 def declare(tables: Mapping[str, Any], registry: Registry, folder: Path = Path(), origin: str = "") -> RoughStudy:

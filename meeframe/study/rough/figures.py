@@ -104,8 +104,7 @@ def contact_figure(result: RoughResult) -> "Figure":
 
 def _relative(result: RoughResult) -> Array:
     """Return the mean pressure over E* h', (m,)."""
-    study = result.study
-    return np.asarray(result.pressures / (study.modulus * study.slope))
+    return np.asarray(result.pressures / result.study.pressure_scale)
 
 
 def _draw_area(axes: Any, result: RoughResult) -> None:
@@ -115,7 +114,7 @@ def _draw_area(axes: Any, result: RoughResult) -> None:
     axes.plot(fine, np.where(linear <= 1.0, linear, np.nan), "--", color=LINE_COLOURS[1], label="Bush, Gibson, Thomas")
     axes.plot(fine, persson_area(fine), ":", color=LINE_COLOURS[2], label="Persson")
     if np.isfinite(study.bound):
-        plastic = np.minimum(fine * study.modulus * study.slope / study.bound, 1.0)
+        plastic = np.minimum(fine * study.pressure_scale / study.bound, 1.0)
         axes.plot(fine, plastic, "-.", color=LINE_COLOURS[3], label="perfectly plastic")
     axes.plot(relative, result.values["area_fraction"], "o-", color=LINE_COLOURS[0], label="meeframe")
     axes.set(xlabel="mean pressure / (E* × r.m.s. slope)", ylabel="contact area / nominal area", xlim=(0.0, None))

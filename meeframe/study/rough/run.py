@@ -168,7 +168,7 @@ class _Solution:
 
     def _mechanical(self, contact: Contact, pressure: float) -> dict[str, float]:
         """Return the quantities that every study has, with the theories of the area."""
-        relative = np.array(pressure / (self._study.modulus * self._study.slope))
+        relative = np.array(pressure / self._study.pressure_scale)
         return {
             "area_fraction": contact.area_fraction,
             "mean_gap": contact.mean_gap,

@@ -60,8 +60,8 @@ def load_study(source: Path, options: Mapping[str, Any], registry: Registry | No
     if "pressures" in tables and isinstance(chosen, Mapping):
         if not isinstance(tables["pressures"], Mapping):
             raise CaseError(
-                f"{source}: pressures: is not a range with {', '.join(chosen)} to be replaced; allowed: a range with "
-                "from, to and count, or pressures in place of those of the file"
+                f"{source}: pressures: is not a range, of which {', '.join(chosen)} could be replaced; allowed: a "
+                "range with from, to and count, or pressures in place of those of the file"
             )
         added["pressures"] = {**tables["pressures"], **chosen}
     extra = added.pop("surface", {})

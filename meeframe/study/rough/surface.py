@@ -19,8 +19,6 @@ MAX_PLAUSIBLE_SLOPE: Final = 0.5
 """Root mean square slope above which heights probably have another unit; theories and half spaces need small ones."""
 MAX_BORDER_RATIO: Final = 3.0
 """Largest jump at the border of a period, relative to the largest difference of neighbours, without a warning."""
-_STUDY_BYTES_PER_NODE: Final = BYTES_PER_NODE + BYTES_PER_NODE_OF_REPORTS
-"""Memory per node of a study with figures, to which its other increments add hardly anything."""
 _ROUND_OFF: Final = 100 * np.finfo(float).eps
 """Round-off of heights without their mean plane, relative to the largest height."""
 
@@ -53,17 +51,15 @@ def prepare_surface(description: Any, periodic: bool | None, samples: int | None
     """
     try:
         if samples is not None:
-            check_grid_memory(
-                f"samples = {samples}", 2 * samples, _STUDY_BYTES_PER_NODE
-            )  # a map has at least two columns
+            _check_memory(f"samples = {samples}", 2 * samples)  # a map has at least two columns
         surface = description if isinstance(description, HeightMap) else _map_of(description, registry)
         if periodic is not None:
             surface = replace(surface, is_periodic=periodic)
         if samples is not None and samples != surface.shape[0]:
             shape = samples, max(2, round(samples * surface.shape[1] / surface.shape[0]))
-            check_grid_memory(f"samples = {samples}", shape[0] * shape[1], _STUDY_BYTES_PER_NODE)
+            _check_memory(f"samples = {samples}", shape[0] * shape[1])
             surface = resample(surface, shape)
-        check_grid_memory("surface", surface.heights.size, _STUDY_BYTES_PER_NODE)
+        _check_memory("surface", surface.heights.size)
         _ = surface.spacing
         check_full(surface, "heights")
         return surface
@@ -75,11 +71,16 @@ def prepare_surface(description: Any, periodic: bool | None, samples: int | None
         raise TableError(Problem(("surface",), str(error))) from error.__cause__
 
 
+def _check_memory(label: str, nodes: int) -> None:
+    """Check the memory of a study with figures, to which its other increments add hardly anything."""
+    check_grid_memory(label, nodes, BYTES_PER_NODE + BYTES_PER_NODE_OF_REPORTS)
+
+
 def _map_of(description: Any, registry: Registry) -> HeightMap:
     indenter: Indenter = registry.create(Kind.INDENTER, description)
     shape = getattr(indenter, "grid_shape", None)
     if shape is not None:
-        check_grid_memory(f"surface.samples = {shape[0]}", shape[0] * shape[1], _STUDY_BYTES_PER_NODE)
+        _check_memory(f"surface.samples = {shape[0]}", shape[0] * shape[1])
     surface = topography_of(indenter)
     if surface is None:
         raise CaseError(

@@ -169,7 +169,10 @@ def test_files_with_coordinates_and_several_matrices(tmp_path):
         (["--pressure", "1 MPa", "--from", "2 MPa"], "allowed: one of them"),
         (["--modulus", "1 GPa", "--pressure", "1 m"], "study.toml: pressures[1] = '1 m': has the wrong unit"),
         (["--modulus", "1 GPa", "--pressure", "nan Pa"], "study.toml: pressures[1] = 'nan Pa': "),
-        (["--modulus", "1 GPa", "--count", "3"], "study.toml: pressures: is not a range with count to be replaced"),
+        (
+            ["--modulus", "1 GPa", "--count", "3"],
+            "study.toml: pressures: is not a range, of which count could be replaced",
+        ),
         (["--modulus", "-200 GPa"], "--modulus -200 GPa: must be > 0"),
         (["--material", "stel"], "steel"),
         (["--modulus", "1 GPa", "--samples", "2"], "samples"),

@@ -329,7 +329,7 @@ def test_messages(body, error, message):
 def test_only_prisms_have_layers():
     mesh = block_mesh((0.5, 0.4), HEIGHT, (0.4, 0.3), (2, 2), 1, 1, Quad4())
     tapered = replace(mesh, points=mesh.points * np.array([1.0, 1.0, 1.0]) * (1.0 + 0.1 * mesh.points[:, 2:]))
-    with pytest.raises(MeshError, match="the body is not a prism below the plane face of the zone 'contact'"):
+    with pytest.raises(MeshError, match="the body is not a prism below the plane face of the contact zone 'contact'"):
         DenseBEM().check(replace(block(Quad4(), TWO), mesh=tapered))
 
 
