@@ -111,8 +111,8 @@ class FieldsWriter:
         """
         if self._last is None:
             raise ResultError(
-                "the result holds no fields on the whole boundary; with [output] fields in the case file, name "
-                "'boundary'"
+                "the result holds no fields on the whole boundary: no load step has ended, or [output] fields in the "
+                "case file does not name 'boundary'"
             )
         fields, series = self._folder / FIELDS_FILE, self._folder / SERIES_FILE
         with replacing(fields) as path:
